@@ -1,0 +1,56 @@
+"""limen: images of any size on displays of flat panels, drawn to the threshold of what a viewer can see.
+
+Names are imported when first used, so ``import limen`` costs milliseconds and touches no GPU module.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from limen.data import open as open  # noqa: A004
+    from limen.data.image import Image as Image
+    from limen.display.display import Display as Display
+    from limen.display.panel import Panel as Panel
+    from limen.errors import LimenError as LimenError
+    from limen.frame import render as render
+    from limen.tolerance import Tolerance as Tolerance
+    from limen.viewer import Viewer as Viewer
+    from limen.vision.acuity import optimal_distance_m as optimal_distance_m
+
+_HOMES = {
+    "Display": "limen.display.display",
+    "Image": "limen.data.image",
+    "LimenError": "limen.errors",
+    "Panel": "limen.display.panel",
+    "Tolerance": "limen.tolerance",
+    "Viewer": "limen.viewer",
+    "open": "limen.data",
+    "optimal_distance_m": "limen.vision.acuity",
+    "render": "limen.frame",
+}
+
+__all__ = [  # noqa: RUF022 - kept equal to the table above, which a test checks
+    "Display",
+    "Image",
+    "LimenError",
+    "Panel",
+    "Tolerance",
+    "Viewer",
+    "open",
+    "optimal_distance_m",
+    "render",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'limen' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

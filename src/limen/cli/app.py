@@ -1,0 +1,66 @@
+"""The command line: verbs are found by name and imported only when typed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from limen.errors import LimenError
+
+__all__ = ["app", "main"]
+
+_VERBS = ("demo", "doctor", "sample", "info", "ingest", "display", "walk", "show", "traffic", "bench")
+"""In the order of the help page; each is ``limen.cli.<verb>:<verb>``."""
+
+_EXIT_OURS, _EXIT_INPUT, _EXIT_INTERRUPTED = 1, 2, 130
+
+
+def _version() -> str:
+    from importlib.metadata import version  # 15 ms that only --version needs
+
+    return f"limen {version('limen')}"
+
+
+app = App(
+    name="limen",
+    help="Gigapixel images on any display made of flat panels, drawn to the threshold of what a viewer can see.",
+    version=_version,
+)
+for _verb in _VERBS:
+    app.command(f"limen.cli.{_verb}:{_verb}", name=_verb)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 2 the input is wrong, 1 limen's own fault, 130 interrupted."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        _fail(str(error).splitlines()[0] + f" (limen {_verb_of(words)}--help shows the options)", _EXIT_INPUT)
+    except LimenError as error:
+        _fail(" ".join(str(error).split()), _EXIT_INPUT)
+    except KeyboardInterrupt:
+        _fail("interrupted", _EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output went away (`limen ... | head`): nobody is left to tell.
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception as error:
+        if "-v" in words or "--verbose" in words:
+            traceback.print_exc()
+        _fail(f"a fault in limen itself: {type(error).__name__}: {error} (run again with -v for the traceback)", _EXIT_OURS)
+
+
+def _verb_of(words: list[str]) -> str:
+    return f"{words[0]} " if words and words[0] in _VERBS else ""
+
+
+def _fail(message: str, code: int) -> None:
+    sys.stderr.write(f"limen: {message}\n")
+    sys.exit(code)

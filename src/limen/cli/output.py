@@ -1,0 +1,96 @@
+"""What every verb shares: --json, -q, -v, and the one place that writes to the terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import msgspec
+from cyclopts import Parameter
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+__all__ = ["DEFAULT", "Common", "Output"]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True)
+class Common:
+    """Options that every verb takes."""
+
+    json: Annotated[bool, Parameter(negative="", help="Print one JSON object on stdout and nothing else there.")] = False
+    quiet: Annotated[bool, Parameter(alias="-q", negative="", help="No progress, no remarks.")] = False
+    verbose: Annotated[bool, Parameter(alias="-v", negative="", help="Say more; tracebacks for limen's own faults.")] = False
+
+
+DEFAULT = Common()
+
+
+class Output:
+    """Results go to stdout, everything else (progress, remarks) to stderr."""
+
+    def __init__(self, common: Common) -> None:
+        self.common = common
+        self._out = Console(file=sys.stdout, highlight=False, soft_wrap=True)
+        self._err = Console(file=sys.stderr, highlight=False, soft_wrap=True)
+
+    def say(self, text: str) -> None:
+        """A remark, unless ``-q``."""
+        if not self.common.quiet:
+            self._err.print(text, markup=False)
+
+    def detail(self, text: str) -> None:
+        """A remark that only ``-v`` shows."""
+        if self.common.verbose:
+            self._err.print(text, markup=False)
+
+    def line(self, text: str = "") -> None:
+        """A line of the result (not with ``--json``)."""
+        if not self.common.json:
+            self._out.print(text, markup=False)
+
+    def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+        """A table of the result (not with ``--json``); columns after the first are right-aligned."""
+        if self.common.json:
+            return
+        table = Table(title=title or None, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for number, column in enumerate(columns):
+            table.add_column(column, justify="left" if number == 0 else "right", no_wrap=True)
+        for row in rows:
+            table.add_row(*(str(cell) for cell in row))
+        self._out.print(table)
+
+    def result(self, value: Any) -> None:
+        """The JSON object (only with ``--json``); ``value`` is anything msgspec can encode."""
+        if self.common.json:
+            sys.stdout.write(msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n")
+            sys.stdout.flush()
+
+    @contextmanager
+    def progress(self, what: str, total: float | None = None) -> Iterator[_Step]:
+        """A progress bar on stderr: ``with out.progress("reading", n) as step: step(1)``."""
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=30),
+            MofNCompleteColumn() if total is None or float(total).is_integer() else TextColumn("{task.percentage:>3.0f} %"),
+            TimeRemainingColumn(compact=True),
+        )
+        with Progress(*columns, console=self._err, transient=True, disable=self.common.quiet or not self._err.is_terminal) as bar:
+            yield _Step(bar, bar.add_task(what, total=total))
+
+
+class _Step:
+    """Advances a progress bar; ``step.to(value)`` sets it."""
+
+    def __init__(self, bar: Progress, task: Any) -> None:
+        self._bar, self._task = bar, task
+
+    def __call__(self, amount: float = 1) -> None:
+        self._bar.advance(self._task, amount)
+
+    def to(self, completed: float, total: float | None = None) -> None:
+        self._bar.update(self._task, completed=completed, total=total)
