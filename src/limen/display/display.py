@@ -1,0 +1,199 @@
+"""All panels of an installation, in one room frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.display import files
+from limen.display.panel import Panel
+from limen.errors import DisplayError, InputError
+from limen.geometry import Floats
+
+__all__ = ["Display", "PanelArrays", "Rect"]
+
+
+class PanelArrays(NamedTuple):
+    """The panels as arrays, one row a panel: what the kernels and the GPU read."""
+
+    origin_m: Floats  # (P, 3)
+    right: Floats  # (P, 3)
+    down: Floats  # (P, 3)
+    pitch_m: Floats  # (P, 2)
+    surface_m: Floats  # (P, 2)
+    nudge_px: Floats  # (P, 2)
+    size_px: NDArray[np.int64]  # (P, 2)
+
+
+class Rect(NamedTuple):
+    """A rectangle on the unrolled surface, metres; y points down."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    @property
+    def width(self) -> float:
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        return self.bottom - self.top
+
+
+@dataclass(frozen=True)
+class Display:
+    """All panels of an installation.
+
+    Raises
+    ------
+    DisplayError
+        If there is no panel, or two panels share a name.
+    """
+
+    name: str
+    panels: tuple[Panel, ...]
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.panels:
+            raise DisplayError(f"display '{self.name}' has no panels: add a [[grid]] or a [[panel]]")
+        names = [panel.name for panel in self.panels]
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise DisplayError(f"display '{self.name}': two panels are named '{twice}'")
+
+    @classmethod
+    def preset(cls, name: str) -> Display:
+        """One of the displays that limen brings along; see `limen.display.files.preset_names`.
+
+        Raises
+        ------
+        InputError
+            If there is no preset of that name; the message lists those there are.
+        """
+        if name not in files.preset_names():
+            raise InputError(f"no display is named '{name}': there are {', '.join(files.preset_names())}; or give a .toml file")
+        return cls(*files.read(files.preset_path(name)))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Display:
+        """Read a display file (TOML).
+
+        Raises
+        ------
+        MissingFileError
+            If the file does not exist.
+        FormatError
+            If the file is not TOML or a field is wrong; the message names line and field.
+        DisplayError
+            If the panels it describes are impossible.
+        """
+        return cls(*files.read(Path(path)))
+
+    @classmethod
+    def named(cls, name_or_path: str) -> Display:
+        """A preset by its name, or a file by its path: what the command line takes."""
+        if name_or_path in files.preset_names():
+            return cls.preset(name_or_path)
+        if name_or_path.endswith(".toml") or "/" in name_or_path or Path(name_or_path).exists():
+            return cls.load(name_or_path)
+        return cls.preset(name_or_path)
+
+    @classmethod
+    def window(cls, size_px: tuple[int, int], pitch_m: float = 0.000_265, distance_m: float = 0.6) -> Display:
+        """A plain window: one panel, ``distance_m`` in front of a viewer at the room's origin."""
+        width, height = size_px[0] * pitch_m, size_px[1] * pitch_m
+        panel = Panel(
+            name="window",
+            size_px=size_px,
+            origin_m=(-width / 2, height / 2, -distance_m),
+            right=(1.0, 0.0, 0.0),
+            down=(0.0, -1.0, 0.0),
+            pitch_m=(pitch_m, pitch_m),
+        )
+        return cls("window", (panel,))
+
+    def to_toml(self) -> str:
+        """The display as a file that `load` reads back, every panel written out."""
+        return files.write(self.name, self.panels, self.description)
+
+    def select(self, globs: str | Iterable[str]) -> Display:
+        """The panels whose names match any of the shell-style patterns, on the same surface.
+
+        Raises
+        ------
+        InputError
+            If no panel matches.
+        """
+        patterns = [globs] if isinstance(globs, str) else list(globs)
+        chosen = tuple(panel for panel in self.panels if any(fnmatchcase(panel.name, pattern) for pattern in patterns))
+        if not chosen:
+            raise InputError(f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'")
+        return _Part(self.name, chosen, self.description, self.surface)
+
+    @cached_property
+    def arrays(self) -> PanelArrays:
+        panels = self.panels
+        return PanelArrays(
+            np.array([panel.origin_m for panel in panels]),
+            np.array([panel.right for panel in panels]),
+            np.array([panel.down for panel in panels]),
+            np.array([panel.pitch_m for panel in panels]),
+            np.array([panel.surface_m for panel in panels]),
+            np.array([panel.nudge_px for panel in panels], dtype=float),
+            np.array([panel.size_px for panel in panels], dtype=np.int64),
+        )
+
+    @cached_property
+    def surface(self) -> Rect:
+        """The bounding rectangle of all panels on the unrolled surface."""
+        arrays = self.arrays
+        corner = arrays.surface_m + arrays.size_px * arrays.pitch_m
+        left, top = arrays.surface_m.min(axis=0)
+        right, bottom = corner.max(axis=0)
+        return Rect(float(left), float(top), float(right), float(bottom))
+
+    @cached_property
+    def bounds_m(self) -> Floats:
+        """Smallest and largest room coordinates of all panels, shape (2, 3)."""
+        corners = np.concatenate([panel.corners_m for panel in self.panels])
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    @property
+    def total_px(self) -> int:
+        return sum(panel.size_px[0] * panel.size_px[1] for panel in self.panels)
+
+    @property
+    def nodes(self) -> dict[str, list[str]]:
+        """Names of the panels that each node draws, in the order of the panels."""
+        nodes: dict[str, list[str]] = {}
+        for panel in self.panels:
+            nodes.setdefault(panel.node, []).append(panel.name)
+        return nodes
+
+    def grids(self) -> dict[str, Sequence[Panel]]:
+        """Panels by the grid (wall) they belong to, in the order of the panels."""
+        grids: dict[str, list[Panel]] = {}
+        for panel in self.panels:
+            grids.setdefault(panel.grid_name, []).append(panel)
+        return dict(grids)
+
+
+@dataclass(frozen=True)
+class _Part(Display):
+    """Some panels of a display: an image still lies on the whole display's surface."""
+
+    whole: Rect = Rect(0, 0, 0, 0)
+
+    @cached_property
+    def surface(self) -> Rect:
+        return self.whole

@@ -1,0 +1,127 @@
+"""One flat polygonal display surface with a pixel grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from limen.errors import DisplayError
+from limen.geometry import Floats, Vec3, as_vec3, cross, dot, normalised
+
+__all__ = ["MAX_OUTLINE_CORNERS", "Panel"]
+
+MAX_OUTLINE_CORNERS = 8
+"""Octagons: the number of clip distances that every graphics adapter offers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One flat display surface, in the room frame.
+
+    Parameters
+    ----------
+    name
+        ``wall/column,row`` for panels of a grid; unique in a display.
+    size_px
+        Width and height of the pixel grid.
+    origin_m
+        The outer corner of the grid's first pixel, top left as a viewer sees it.
+    right, down
+        Unit vectors along a row and along a column of pixels; perpendicular.
+    pitch_m
+        Distance from one pixel to the next along ``right`` and along ``down``.
+    surface_m
+        Where ``origin_m`` lies on the display's unrolled surface: metres to the right and downward.
+    outline_px
+        Corners of the lit polygon on the pixel grid (convex, at most eight); empty for the whole grid.
+    nudge_px
+        Moves the picture on this panel right and down, to make up for a panel mounted a little off.
+    node
+        The machine that draws this panel.
+
+    Raises
+    ------
+    DisplayError
+        If any of this does not describe a flat panel; the message names the panel and the field.
+    """
+
+    name: str
+    size_px: tuple[int, int]
+    origin_m: Vec3
+    right: Vec3
+    down: Vec3
+    pitch_m: tuple[float, float]
+    surface_m: tuple[float, float] = (0.0, 0.0)
+    outline_px: tuple[tuple[float, float], ...] = ()
+    nudge_px: tuple[float, float] = (0.0, 0.0)
+    node: str = ""
+
+    def __post_init__(self) -> None:
+        try:
+            self._check()
+        except ValueError as error:
+            raise DisplayError(f"panel '{self.name}': {error}") from None
+
+    def _check(self) -> None:
+        if not self.name:
+            raise ValueError("name must not be empty")
+        if min(self.size_px) < 1 or max(self.size_px) > 65_535:
+            raise ValueError(f"size_px must be from 1 to 65535 pixels, got {list(self.size_px)}")
+        if not all(math.isfinite(pitch) and pitch > 0 for pitch in self.pitch_m):
+            raise ValueError(f"pitch must be positive, got {list(self.pitch_m)}")
+        object.__setattr__(self, "origin_m", as_vec3(self.origin_m, "origin"))
+        object.__setattr__(self, "right", normalised(as_vec3(self.right, "right"), "right"))
+        object.__setattr__(self, "down", normalised(as_vec3(self.down, "down"), "down"))
+        if abs(dot(self.right, self.down)) > 1e-3:
+            raise ValueError("its rows and columns of pixels are not perpendicular; check its corners")
+        if self.outline_px:
+            _check_outline(self.outline_px)
+
+    @property
+    def normal(self) -> Vec3:
+        """Unit vector toward the viewers."""
+        return cross(self.down, self.right)
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        return (self.size_px[0] * self.pitch_m[0], self.size_px[1] * self.pitch_m[1])
+
+    @property
+    def grid_name(self) -> str:
+        """The part of the name before ``/``: the grid that the panel belongs to."""
+        return self.name.split("/", 1)[0]
+
+    @property
+    def corners_m(self) -> Floats:
+        """Top left, top right, bottom right, bottom left of the pixel grid: shape (4, 3)."""
+        width, height = self.size_px
+        return self.position_m(np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=float))
+
+    @property
+    def centre_m(self) -> Floats:
+        """Middle of the pixel grid, shape (3,)."""
+        return self.position_m(np.array(self.size_px) / 2)
+
+    def position_m(self, position_px: Floats) -> Floats:
+        """Room positions of places on the pixel grid: (..., 2) pixels to (..., 3) metres.
+
+        The centre of the first pixel is (0.5, 0.5).
+        """
+        along = np.asarray(position_px, dtype=float) * np.array(self.pitch_m)
+        frame = np.array([self.right, self.down])
+        return np.asarray(np.array(self.origin_m) + along @ frame)
+
+
+def _check_outline(outline_px: tuple[tuple[float, float], ...]) -> None:
+    if not 3 <= len(outline_px) <= MAX_OUTLINE_CORNERS:
+        raise ValueError(f"outline must have 3 to {MAX_OUTLINE_CORNERS} corners, got {len(outline_px)}: split the panel")
+    corners = np.array(outline_px, dtype=float)
+    if not np.isfinite(corners).all():
+        raise ValueError("outline holds a number that is not finite")
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    if not ((turns > 0).all() or (turns < 0).all()):
+        raise ValueError("outline must be convex and have no repeated corner: split the panel")

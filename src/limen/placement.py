@@ -1,0 +1,159 @@
+"""How an image lies on a display: on its unrolled surface, or on a shape in the room seen through it.
+
+On the **surface** every panel shows a rectangle of the image, whoever looks from wherever: the map from
+pixels to texels is a scale and an offset per panel. On a **shape** (plane, cylinder, ellipsoid) a pixel shows
+what lies behind it on the ray from one eye point, so the map bends.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.display.display import Display
+from limen.errors import InputError
+from limen.geometry import Floats, Vec3, as_vec3
+
+__all__ = ["FITS", "OnShape", "OnSurface", "Placement", "PanelMaps", "one_to_one_size_px"]
+
+Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
+FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
+
+
+class PanelMaps(NamedTuple):
+    """Texels of full resolution from pixels, per panel: ``texel = scale * pixel + offset``."""
+
+    scale: Floats  # (P, 2) texels per pixel
+    offset: Floats  # (P, 2) texels
+
+    @property
+    def mip_level(self) -> NDArray[np.int64]:
+        """``floor(log2 A)`` of every panel, shape (P,); negative where texels are larger than pixels.
+
+        ``A`` is the larger side of a pixel's footprint in texels (Heckbert 1983). A thousandth of tolerance keeps
+        an image that is shown texel for pixel at level 0 whatever the rounding of metres.
+        """
+        footprint = np.abs(self.scale).max(axis=1)
+        return np.asarray(np.floor(np.log2(footprint) + 1e-3), dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class OnSurface:
+    """The image on the display's unrolled surface, centred.
+
+    Parameters
+    ----------
+    fit
+        ``contain``: all of the image is shown; ``cover``: all of the surface is filled;
+        ``one-to-one``: a texel on a pixel (of the first panel).
+    zoom
+        Magnification on top of the fit.
+    centre
+        The place of the image (0 ... 1 from its left and top edge) that lies in the middle of the surface.
+    """
+
+    fit: Fit = "contain"
+    zoom: float = 1.0
+    centre: tuple[float, float] = (0.5, 0.5)
+
+    def __post_init__(self) -> None:
+        if self.fit not in FITS:
+            raise InputError(f"no fit is named '{self.fit}': there are {', '.join(FITS)}")
+        if not (0 < self.zoom < math.inf and all(math.isfinite(value) for value in self.centre)):
+            raise InputError(f"zoom must be positive and centre finite, got {self.zoom} and {self.centre}")
+
+    def texels_per_m(self, display: Display, size_px: tuple[int, int]) -> float:
+        surface = display.surface
+        ratios = (size_px[0] / surface.width, size_px[1] / surface.height)
+        match self.fit:
+            case "contain":
+                density = max(ratios)
+            case "cover":
+                density = min(ratios)
+            case _:
+                density = 1 / display.panels[0].pitch_m[0]
+        return density / self.zoom
+
+    def panel_maps(self, display: Display, size_px: tuple[int, int]) -> PanelMaps:
+        """Where every panel's pixels lie in an image of ``size_px`` texels."""
+        density = self.texels_per_m(display, size_px)
+        arrays, surface = display.arrays, display.surface
+        middle = np.array([surface.left + surface.width / 2, surface.top + surface.height / 2])
+        scale = arrays.pitch_m * density
+        offset = (arrays.surface_m - middle) * density + np.array(self.centre) * np.array(size_px)
+        return PanelMaps(scale, offset - scale * arrays.nudge_px)
+
+
+@dataclass(frozen=True, slots=True)
+class OnShape:
+    """The image on a shape in the room, seen through the panels from one eye point.
+
+    Parameters
+    ----------
+    kind
+        ``plane``: the image spans ``across`` and ``down`` from its top left corner ``origin_m``.
+        ``cylinder``: around the axis through ``origin_m`` along ``-down``; ``across`` points at the image's
+        middle, its length is the radius; the image's height is the length of ``down``, centred.
+        ``ellipsoid``: centred on ``origin_m``; ``across`` is the half axis toward the image's middle, ``down``
+        the half axis to its lower edge; the image is equirectangular.
+    depth
+        The third half axis (cylinder, ellipsoid), toward the image's right; ``None`` for a round shape.
+    turn_deg
+        How much of the circle the image's width covers (cylinder, ellipsoid).
+    eye_m
+        The eye point; ``None`` takes the first viewer's.
+    """
+
+    kind: Literal["plane", "cylinder", "ellipsoid"]
+    origin_m: Vec3
+    across: Vec3
+    down: Vec3
+    depth: Vec3 | None = None
+    turn_deg: float = 360.0
+    eye_m: Vec3 | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            for name in ("origin_m", "across", "down"):
+                object.__setattr__(self, name, as_vec3(getattr(self, name), name))
+        except ValueError as error:
+            raise InputError(f"placement on a {self.kind}: {error}") from None
+        if not 0 < self.turn_deg <= 360:
+            raise InputError(f"placement on a {self.kind}: turn_deg must lie above 0 and at most at 360, got {self.turn_deg}")
+        if abs(np.linalg.det(self.frame())) < 1e-12:
+            raise InputError(f"placement on a {self.kind}: across, down and depth must not lie in one plane")
+
+    def frame(self) -> Floats:
+        """Columns: unit axes of the shape's own frame (x right, y down, z toward the image's middle), shape (3, 3)."""
+        across, down = np.array(self.across), np.array(self.down)
+        if self.kind == "plane":
+            normal = np.cross(across, down)
+            return np.stack([across, down, normal / max(float(np.linalg.norm(normal)), 1e-300)], axis=1)
+        if self.depth is not None:
+            right = np.array(self.depth)
+        else:
+            right = np.cross(down, across)
+            right = right / max(float(np.linalg.norm(right)), 1e-300) * np.linalg.norm(across)
+        return np.stack([right, down / (2 if self.kind == "cylinder" else 1), across], axis=1)
+
+    def local_from_room(self) -> Floats:
+        """4 x 4 affine map to the shape's own frame, where plane, cylinder and sphere have size one."""
+        inverse = np.linalg.inv(self.frame())
+        matrix = np.eye(4)
+        matrix[:3, :3] = inverse
+        matrix[:3, 3] = -inverse @ np.array(self.origin_m)
+        return matrix
+
+
+Placement: TypeAlias = OnSurface | OnShape
+
+
+def one_to_one_size_px(display: Display) -> tuple[int, int]:
+    """Size of the image that covers a display's surface texel for pixel."""
+    pitch = display.panels[0].pitch_m[0]
+    surface = display.surface
+    return (max(1, round(surface.width / pitch)), max(1, round(surface.height / pitch)))

@@ -1,0 +1,308 @@
+"""From wanted to resident: pages are decoded in the background and placed in slots, and no frame waits.
+
+A page is in one of these states::
+
+    absent ──wanted──> queued ──a worker takes it──> decoding ──> decoded ──upload budget──> resident
+       ^                 │ no longer wanted              │ PageError                            │ least
+       └─────────────────┘                               v                                      │ recently used
+       ^                                               failed (logged once, never asked again)  │
+       └────────────────────────────────────────────────────────────────────────────────────────┘
+
+`Stream.update` takes a frame's wishes and returns, as a value, what the frame may draw with: pages to upload
+into slots, and for every wanted page the nearest resident ancestor. The coarsest level is pinned, so an
+ancestor is always there.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.errors import InputError, PageError
+
+__all__ = ["Drawable", "PageSource", "Statistics", "Stream", "Update", "Upload"]
+
+_log = logging.getLogger(__name__)
+
+PAGE_BYTES = (PAGE + 2 * GUTTER) ** 2 * 4
+
+
+class PageSource(Protocol):
+    """What a stream reads from; `limen.Image` is one."""
+
+    @property
+    def pyramid(self) -> Pyramid: ...
+
+    def read_page(self, page: int) -> NDArray[np.uint8]: ...
+
+
+class Upload(NamedTuple):
+    slot: int
+    texels: NDArray[np.uint8]  # (PAGE + 2 GUTTER, PAGE + 2 GUTTER, 4)
+
+
+class Drawable(NamedTuple):
+    """For each page asked about: the slot to draw from, and how many levels coarser that slot's page is."""
+
+    slot: NDArray[np.int32]
+    coarser: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """One frame of a stream."""
+
+    wanted: int
+    missing: int  # wanted, but drawn from an ancestor
+    uploads: int
+    decoded_waiting: int
+    queued: int
+    failed: int
+    resident: int
+    update_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Update:
+    uploads: list[Upload]
+    statistics: Statistics
+    version: int
+    """Grows whenever a page became resident or was evicted."""
+
+
+class Stream:
+    """Pages of one image on their way to the slots of a pool.
+
+    Parameters
+    ----------
+    source
+        Where pages are read, from several threads at once.
+    slots
+        How many pages the pool holds.
+    cpu_pages
+        How many decoded pages may wait in memory for their upload.
+    uploads_per_frame
+        Most pages handed over by one `update`.
+    threads
+        Decoding threads.
+
+    Raises
+    ------
+    InputError
+        If there is not room for the pinned level and one page more.
+    """
+
+    def __init__(
+        self, source: PageSource, slots: int, *, cpu_pages: int = 512, uploads_per_frame: int = 64, threads: int = 2
+    ) -> None:
+        pyramid = source.pyramid
+        if slots < 2:
+            raise InputError(f"a pool of {slots} pages is too small: at least 2 are needed")
+        self._source, self._pyramid = source, pyramid
+        self._cpu_pages, self._uploads_per_frame = cpu_pages, uploads_per_frame
+        self._slot_of = np.full(pyramid.page_count, -1, dtype=np.int32)
+        self._page_in = np.full(slots, -1, dtype=np.int64)
+        self._last_used = np.full(slots, -1, dtype=np.int64)
+        self._frame = 0
+        self._version = 0
+        self._pinned = pyramid.page_count - 1  # the one page of the coarsest level
+        self._lock = threading.Condition()
+        self._queue: list[int] = []  # most important last, so that a worker pops from the end
+        self._decoding: set[int] = set()
+        self._decoded: OrderedDict[int, NDArray[np.uint8]] = OrderedDict()
+        self._failed: set[int] = set()
+        self._closed = False
+        self._workers = ThreadPoolExecutor(threads, thread_name_prefix="limen-decode")
+        self._tasks = [self._workers.submit(self._work) for _ in range(threads)]
+
+    # ------------------------------------------------------------------ what a frame does
+
+    def update(self, wanted: NDArray[np.int64], *, uploads: int | None = None) -> Update:
+        """One frame: queue what is missing, hand over what is decoded. Never waits for a page.
+
+        Parameters
+        ----------
+        wanted
+            Distinct page numbers, the most important first.
+        uploads
+            Another upload budget for this frame.
+        """
+        begin = time.perf_counter()
+        self._frame += 1
+        slots = self._slot_of[wanted]
+        self._last_used[slots[slots >= 0]] = self._frame
+        missing = wanted[slots < 0]
+        if self._slot_of[self._pinned] < 0:
+            missing = np.concatenate([np.array([self._pinned]), missing[missing != self._pinned]])
+        with self._lock:
+            ready = self._take_decoded(missing, self._uploads_per_frame if uploads is None else uploads)
+            self._enqueue(missing)
+            waiting, queued, failed = len(self._decoded), len(self._queue) + len(self._decoding), len(self._failed)
+        placed = self._place(ready)
+        statistics = Statistics(
+            wanted=len(wanted),
+            missing=int((self._slot_of[wanted] < 0).sum()),
+            uploads=len(placed),
+            decoded_waiting=waiting,
+            queued=queued,
+            failed=failed,
+            resident=int((self._page_in >= 0).sum()),
+            update_ms=(time.perf_counter() - begin) * 1e3,
+        )
+        return Update(placed, statistics, self._version)
+
+    def drawable(self, pages: NDArray[np.int64]) -> Drawable:
+        """The nearest resident ancestor of each page (itself, if resident); slot -1 before the coarsest has come."""
+        level, column, row = self._pyramid.page_of(pages)
+        slot = self._slot_of[pages].copy()
+        coarser = np.zeros(len(pages), dtype=np.int32)
+        pending = np.flatnonzero(slot < 0)
+        for step in range(1, len(self._pyramid.levels)):
+            pending = pending[level[pending] + step < len(self._pyramid.levels)]
+            if not len(pending):
+                break
+            ancestor = self._pyramid.page_index(level[pending] + step, column[pending] >> step, row[pending] >> step)
+            found = self._slot_of[ancestor]
+            slot[pending], coarser[pending] = found, step
+            pending = pending[found < 0]
+        used = slot[slot >= 0]
+        self._last_used[used] = np.maximum(self._last_used[used], self._frame)
+        return Drawable(slot, coarser)
+
+    def all_drawable(self) -> Drawable:
+        """`drawable` for every page of the pyramid, for shaders that look pages up for themselves."""
+        slot = self._slot_of.copy()
+        coarser = np.zeros(len(slot), dtype=np.int32)
+        levels = self._pyramid.levels
+        for number in range(len(levels) - 2, -1, -1):
+            level, parent = levels[number], levels[number + 1]
+            own = slice(level.first_page, level.first_page + level.columns * level.rows)
+            above = slice(parent.first_page, parent.first_page + parent.columns * parent.rows)
+            rows, columns = np.arange(level.rows) >> 1, np.arange(level.columns) >> 1
+            inherited = slot[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel()
+            distance = coarser[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel() + 1
+            absent = slot[own] < 0
+            slot[own] = np.where(absent, inherited, slot[own])
+            coarser[own] = np.where(absent, distance, 0)
+        return Drawable(slot, coarser)
+
+    @property
+    def settled(self) -> bool:
+        """Nothing is queued, being decoded, or waiting for its upload."""
+        with self._lock:
+            return not (self._queue or self._decoding or self._decoded)
+
+    def wait(self, timeout_s: float = 1.0) -> None:
+        """Sleep until a page has been decoded (for offscreen pictures; a live frame never calls this)."""
+        with self._lock:
+            if (self._queue or self._decoding) and not self._decoded:
+                self._lock.wait(timeout_s)
+
+    def close(self) -> None:
+        """Stop the workers; pages being decoded are finished first."""
+        with self._lock:
+            self._closed = True
+            self._queue.clear()
+            self._lock.notify_all()
+        self._workers.shutdown(wait=True)
+
+    def __enter__(self) -> Stream:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------ steps of an update
+
+    def _take_decoded(self, missing: NDArray[np.int64], budget: int) -> list[tuple[int, NDArray[np.uint8]]]:
+        """Up to ``budget`` decoded pages, the most important first; what nobody wants any more is dropped."""
+        if not self._decoded:
+            return []
+        ready = []
+        for page in missing.tolist():
+            if len(ready) == budget:
+                break
+            texels = self._decoded.pop(page, None)
+            if texels is not None:
+                ready.append((page, texels))
+        while len(self._decoded) > self._cpu_pages // 2:
+            self._decoded.popitem(last=False)
+        self._lock.notify_all()
+        return ready
+
+    def _enqueue(self, missing: NDArray[np.int64]) -> None:
+        """Replace the queue by this frame's wishes, as many as there is room for."""
+        room = max(0, self._cpu_pages - len(self._decoded))
+        queue: list[int] = []
+        for page in missing.tolist():
+            if len(queue) == room:
+                break
+            if page not in self._decoded and page not in self._decoding and page not in self._failed:
+                queue.append(page)
+        queue.reverse()
+        self._queue = queue
+        if queue:
+            self._lock.notify_all()
+
+    def _place(self, ready: list[tuple[int, NDArray[np.uint8]]]) -> list[Upload]:
+        """Give each page a slot: a free one, else the least recently used that this frame does not need."""
+        if not ready:
+            return []
+        pinned_slot = self._slot_of[self._pinned]
+        age = self._last_used.copy()
+        if pinned_slot >= 0:
+            age[pinned_slot] = np.iinfo(np.int64).max
+        count = min(len(ready), len(age))
+        candidates = np.argpartition(age, count - 1)[:count]
+        candidates = candidates[np.argsort(age[candidates], kind="stable")]
+        placed = []
+        for (page, texels), slot in zip(ready, candidates.tolist(), strict=False):
+            if age[slot] >= self._frame:
+                break  # every slot serves this very frame: the pool is full
+            evicted = self._page_in[slot]
+            if evicted >= 0:
+                self._slot_of[evicted] = -1
+            self._page_in[slot], self._slot_of[page] = page, slot
+            self._last_used[slot] = self._frame
+            placed.append(Upload(slot, texels))
+        self._version += bool(placed)
+        return placed
+
+    # ------------------------------------------------------------------ the workers
+
+    def _work(self) -> None:
+        while (page := self._next()) is not None:
+            texels: NDArray[np.uint8] | None = None
+            try:
+                texels = self._source.read_page(page)
+            except PageError as error:
+                _log.warning("%s; its coarser level is shown instead", error)
+            except Exception:
+                # A worker that dies would stop every later page; the page is given up instead.
+                _log.exception("page %d could not be decoded; its coarser level is shown instead", page)
+            with self._lock:
+                self._decoding.discard(page)
+                if texels is None:
+                    self._failed.add(page)
+                elif not self._closed:
+                    self._decoded[page] = texels
+                self._lock.notify_all()
+
+    def _next(self) -> int | None:
+        with self._lock:
+            while not self._closed and not self._queue:
+                self._lock.wait()
+            if self._closed:
+                return None
+            page = self._queue.pop()
+            self._decoding.add(page)
+            return page

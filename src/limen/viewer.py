@@ -1,0 +1,83 @@
+"""A tracked person: where the eyes are, where the head points, how sharp the eyes see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from limen.errors import InputError
+from limen.geometry import Floats, Vec3, as_vec3, cross, length, normalised
+
+__all__ = ["Viewer"]
+
+_UP: Vec3 = (0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Viewer:
+    """One viewer at one instant, in the room frame.
+
+    Parameters
+    ----------
+    position_m
+        Midpoint between the eyes.
+    direction
+        Where the head points; any length, stored as a unit vector.
+    gaze
+        Where the eyes look, if an eye tracker tells; ``None`` if only the head is known.
+    acuity_arcmin
+        The viewer's own smallest resolvable detail; ``None`` leaves it to the policy.
+    time_s
+        Time stamp on the session's clock.
+    eye_separation_m
+        Distance between the eyes; 0 is a single eye at ``position_m``.
+    name
+        Tells several viewers of one session apart.
+
+    Raises
+    ------
+    InputError
+        For coordinates that are not finite, a zero direction, or an acuity that is not positive.
+    """
+
+    position_m: Vec3
+    direction: Vec3 = (0.0, 0.0, -1.0)
+    gaze: Vec3 | None = None
+    acuity_arcmin: float | None = None
+    time_s: float = 0.0
+    eye_separation_m: float = 0.063
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "position_m", as_vec3(self.position_m, "viewer.position_m"))
+            direction = as_vec3(self.direction, "viewer.direction")
+            object.__setattr__(self, "direction", normalised(direction, "viewer.direction"))
+            if self.gaze is not None:
+                gaze = normalised(as_vec3(self.gaze, "viewer.gaze"), "viewer.gaze")
+                object.__setattr__(self, "gaze", gaze)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        if self.acuity_arcmin is not None and not 0 < self.acuity_arcmin < math.inf:
+            raise InputError(f"viewer.acuity_arcmin must be a positive number, got {self.acuity_arcmin}")
+        if not 0 <= self.eye_separation_m < 1:
+            raise InputError(f"viewer.eye_separation_m must be from 0 to 1 m, got {self.eye_separation_m}")
+        if not math.isfinite(self.time_s):
+            raise InputError(f"viewer.time_s must be finite, got {self.time_s}")
+
+    @property
+    def eyes_m(self) -> Floats:
+        """Both eyes, left first: shape (2, 3); (1, 3) if the separation is 0."""
+        centre = np.array(self.position_m)
+        if self.eye_separation_m == 0:
+            return centre[None]
+        half = np.array(self._rightward()) * (self.eye_separation_m / 2)
+        return np.stack([centre - half, centre + half])
+
+    def _rightward(self) -> Vec3:
+        across = cross(self.direction, _UP)
+        if length(across) < 1e-6:  # looking straight up or down: the head's yaw is unknown
+            return (1.0, 0.0, 0.0)
+        return normalised(across, "viewer.direction")

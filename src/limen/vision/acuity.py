@@ -1,0 +1,90 @@
+"""Visual acuity: the smallest detail an eye resolves, as an angle.
+
+References
+----------
+Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, section 3 (``Dopt``, the acuity level).
+Ashraf, Chapiro, Mantiuk 2025, *Resolution limit of the eye*, Nature Communications (94 samples a degree).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from limen.errors import InputError
+from limen.geometry import Floats
+from limen.units import arcmin_to_rad
+
+__all__ = ["HUMAN_ARCMIN", "SNELLEN_ARCMIN", "acuity_from", "acuity_level", "optimal_distance_m"]
+
+SNELLEN_ARCMIN = 1.0
+"""20/20 vision: one sample an arcminute, the papers' limit."""
+
+HUMAN_ARCMIN = 0.64
+"""60 / 94: the median of what 18 observers resolved in the fovea (Ashraf et al. 2025); limen's default."""
+
+_NAMED = {"snellen": SNELLEN_ARCMIN, "human": HUMAN_ARCMIN}
+
+
+def acuity_from(text: str | float) -> float:
+    """An acuity in arcminutes from a number or a name (``snellen``, ``human``).
+
+    Raises
+    ------
+    InputError
+        If it is neither a name nor a positive number.
+    """
+    try:
+        value = _NAMED[text] if isinstance(text, str) and text in _NAMED else float(text)
+    except ValueError:
+        raise InputError(f"acuity '{text}' is neither a number of arcminutes nor one of {', '.join(_NAMED)}") from None
+    if not 0 < value <= 600:
+        raise InputError(f"an acuity must lie above 0 and at most at 600 arcminutes, got {text}")
+    return value
+
+
+def optimal_distance_m(pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN) -> float:
+    """Distance at which one pixel subtends the acuity; farther away, pixels merge.
+
+    ``Dopt = P / tan(acuity)`` (Papadopoulos, Kaufman 2013, section 3.1).
+
+    Parameters
+    ----------
+    pitch_m
+        Distance from one pixel to the next, metres.
+    acuity_arcmin
+        Smallest resolvable detail, arcminutes.
+
+    >>> round(optimal_distance_m(23.53 / 2560 * 0.0254) / 0.0254, 2)  # inches; the paper's panel
+    31.6
+    """
+    return pitch_m / math.tan(arcmin_to_rad(acuity_arcmin))
+
+
+@overload
+def acuity_level(distance_m: float, pitch_m: float, acuity_arcmin: float = ...) -> int: ...
+@overload
+def acuity_level(distance_m: Floats, pitch_m: float, acuity_arcmin: float = ...) -> NDArray[np.int64]: ...
+def acuity_level(distance_m: ArrayLike, pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN) -> int | NDArray[np.int64]:
+    """Pyramid levels that distance hides: ``floor(max(0, log2(D / Dopt)))``.
+
+    Papadopoulos, Kaufman 2013, section 3.2; the floor biases toward quality.
+
+    Parameters
+    ----------
+    distance_m
+        Distance from the eye to the pixel, metres; any shape.
+    pitch_m, acuity_arcmin
+        As in `optimal_distance_m`.
+
+    >>> pitch = 23.53 / 2560 * 0.0254
+    >>> acuity_level(198 * 0.0254, pitch), acuity_level(114 * 0.0254, pitch)  # side and front wall of the paper's room
+    (2, 1)
+    """
+    ratio = np.asarray(distance_m, dtype=float) / optimal_distance_m(pitch_m, acuity_arcmin)
+    # frexp gives floor(log2) exactly; log2 itself may round up to the next integer.
+    levels = np.frexp(np.maximum(ratio, 1.0))[1].astype(np.int64) - 1
+    return int(levels) if levels.ndim == 0 else levels
