@@ -232,7 +232,9 @@ def shape_pages(origin_m, right, down, pitch_m, size_px, kind, local, turn, eye_
                         finest = min(max(finest_mip + _hidden_levels(low) + bias, 0), top)
                         coarsest = min(max(coarsest_mip + _hidden_levels(high) + bias, 0), top)
                         extent = max(u_high - u_low, v_high - v_low) / 2.0**finest
-                        done = smallest or (hits == 9 and finest == coarsest and extent <= 64.0)
+                        span = 256.0 * 2.0**finest
+                        one_page = math.floor((anchor_u + u_low) / span) == math.floor((anchor_u + u_high) / span) and math.floor(v_low / span) == math.floor(v_high / span)
+                        done = smallest or (hits == 9 and finest == coarsest and (extent <= 64.0 or one_page))
                     if done:
                         slop = 0.02 * max(u_high - u_low, v_high - v_low) + 0.01
                         for level in range(finest, coarsest + 1):
