@@ -35,7 +35,9 @@ class Output:
 
     def __init__(self, common: Common) -> None:
         self.common = common
-        self._out = Console(file=sys.stdout, highlight=False, soft_wrap=True)
+        # A table in a pipe or a file must not be cut to the 80 columns of a terminal that is not there.
+        width = None if sys.stdout.isatty() else 200
+        self._out = Console(file=sys.stdout, highlight=False, soft_wrap=True, width=width)
         self._err = Console(file=sys.stderr, highlight=False, soft_wrap=True)
 
     def say(self, text: str) -> None:
