@@ -53,7 +53,9 @@ class Pyramid:
     def _first(self) -> NDArray[np.int64]:
         return np.array([level.first_page for level in self.levels])
 
-    def page_index(self, level: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
+    def page_index(
+        self, level: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
         return self._first[level] + row * self._columns[level] + column
 
     def page_of(self, page: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

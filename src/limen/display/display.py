@@ -81,7 +81,9 @@ class Display:
             If there is no preset of that name; the message lists those there are.
         """
         if name not in files.preset_names():
-            raise InputError(f"no display is named '{name}': there are {', '.join(files.preset_names())}; or give a .toml file")
+            raise InputError(
+                f"no display is named '{name}': there are {', '.join(files.preset_names())}; or give a .toml file"
+            )
         return cls(*files.read(files.preset_path(name)))
 
     @classmethod
@@ -137,7 +139,9 @@ class Display:
         patterns = [globs] if isinstance(globs, str) else list(globs)
         chosen = tuple(panel for panel in self.panels if any(fnmatchcase(panel.name, pattern) for pattern in patterns))
         if not chosen:
-            raise InputError(f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'")
+            raise InputError(
+                f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'"
+            )
         return _Part(self.name, chosen, self.description, self.surface)
 
     @cached_property
@@ -188,11 +192,14 @@ class Display:
         return dict(grids)
 
 
+_NOWHERE = Rect(0, 0, 0, 0)
+
+
 @dataclass(frozen=True)
 class _Part(Display):
     """Some panels of a display: an image still lies on the whole display's surface."""
 
-    whole: Rect = Rect(0, 0, 0, 0)
+    whole: Rect = _NOWHERE
 
     @cached_property
     def surface(self) -> Rect:
