@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
@@ -144,6 +144,17 @@ class Display:
             )
         return _Part(self.name, chosen, self.description, self.surface)
 
+    def part(self, indices: Sequence[int]) -> Display:
+        """Some of the panels, in the order given, on the same surface."""
+        return _Part(self.name, tuple(self.panels[index] for index in indices), self.description, self.surface)
+
+    def scaled(self, factor: float) -> Display:
+        """The same panels with ``factor`` times as many pixels along each side: for previews of a whole room."""
+        if not 0 < factor <= 1:
+            raise InputError(f"a preview's scale must lie above 0 and at most at 1, got {factor}")
+        panels = tuple(_scaled(panel, factor) for panel in self.panels)
+        return _Part(self.name, panels, self.description, self.surface)
+
     @cached_property
     def arrays(self) -> PanelArrays:
         panels = self.panels
@@ -190,6 +201,18 @@ class Display:
         for panel in self.panels:
             grids.setdefault(panel.grid_name, []).append(panel)
         return dict(grids)
+
+
+def _scaled(panel: Panel, factor: float) -> Panel:
+    width, height = (max(1, round(side * factor)) for side in panel.size_px)
+    shrink = (width / panel.size_px[0], height / panel.size_px[1])
+    return replace(
+        panel,
+        size_px=(width, height),
+        pitch_m=(panel.pitch_m[0] / shrink[0], panel.pitch_m[1] / shrink[1]),
+        outline_px=tuple((x * shrink[0], y * shrink[1]) for x, y in panel.outline_px),
+        nudge_px=(panel.nudge_px[0] * shrink[0], panel.nudge_px[1] * shrink[1]),
+    )
 
 
 _NOWHERE = Rect(0, 0, 0, 0)

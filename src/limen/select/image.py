@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.errors import InputError
+from limen.geometry import Floats
 from limen.placement import OnShape, OnSurface, PanelMaps, Placement
 from limen.select import kernels
 from limen.select.cut import Cut
 from limen.tolerance import Tolerance
 
-__all__ = ["View", "select", "select_flat", "select_on_shape", "shape_kind", "view_of"]
+__all__ = ["View", "levels_at", "select", "select_flat", "select_on_shape", "shape_kind", "view_of"]
 
 _NONE = np.empty(0, dtype=np.int64)
 _KINDS = ("plane", "cylinder", "ellipsoid")
@@ -163,3 +164,18 @@ def _cut(
     coarsest = int(np.searchsorted(firsts, pages, side="right").max(initial=1)) - 1
     error_px = 2.0**coarsest / texels_per_px if coarsest else 0.0
     return Cut(pages, importance[order], panel, page, error_px)
+
+
+def levels_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> NDArray[np.int64]:
+    """The level drawn at places of a panel, for an image on the surface: (..., 2) pixels to (...) levels; -1 outside.
+
+    The formula itself (Papadopoulos, Kaufman 2013, section 3.2), pixel by pixel: for maps of levels and for tests.
+    """
+    assert view.maps is not None
+    chosen = view.display.panels[panel]
+    allowed_px = tolerance.allowed_px(chosen.position_m(position_px), chosen.pitch_m[0])
+    hidden = np.frexp(np.maximum(allowed_px, 1.0))[1].astype(np.int64) - 1
+    texel = position_px * view.maps.scale[panel] + view.maps.offset[panel]
+    inside = ((texel >= 0) & (texel < np.array(view.pyramid.size_px))).all(axis=-1)
+    levels = np.clip(view.maps.mip_level[panel] + hidden, 0, len(view.pyramid.levels) - 1)
+    return np.where(inside, levels, -1)
