@@ -13,6 +13,7 @@ import json
 import os
 import platform
 import shutil
+import ssl
 import sys
 import tomllib
 import urllib.request
@@ -53,7 +54,11 @@ def install(checkout: Checkout, test: bool, say: Callable[[str], None]) -> None:
     wanted = ["--editable", str(checkout.root)]
     if test:
         wanted += group_requirements(checkout.root / "pyproject.toml", "test")
-    say("installing limen, its dependencies" + (" and the tools of the tests" if test else "") + " into .venv")
+    say(
+        "installing limen, its dependencies and the tools of the tests into .venv"
+        if test
+        else "installing limen and its dependencies into .venv"
+    )
     done = run([uv, "pip", "install", "--quiet", "--python", checkout.python, *wanted], checkout.root, variables)
     if done.code:
         raise SetupError(f"uv could not install: {done.reason}")
@@ -162,7 +167,11 @@ def _uv_variables(checkout: Checkout) -> dict[str, str]:
     """uv's settings: this Python and no other, the system's certificates, a cache that can be written."""
     variables = dict(os.environ)
     variables.setdefault("UV_PYTHON_DOWNLOADS", "never")
-    variables.setdefault("UV_LINK_MODE", "copy" if os.name == "nt" else "hardlink")
+    paths = ssl.get_default_verify_paths()
+    if paths.cafile or (paths.capath and any(Path(paths.capath).iterdir())):
+        # uv trusts its own list otherwise, and a firm's proxy is only in the system's. (Its old and its new name.)
+        variables.setdefault("UV_NATIVE_TLS", "1")
+        variables.setdefault("UV_SYSTEM_CERTS", "1")
     if "UV_CACHE_DIR" not in variables and not home_is_writable():
         variables["UV_CACHE_DIR"] = str(checkout.root / ".cache" / "uv")
     return variables
