@@ -131,6 +131,43 @@ def test_a_stamp_that_cannot_be_read_is_none(checkout: Any, text: str) -> None:
     assert checkout.read_stamp() == module("state").Stamp()
 
 
+def test_an_interrupted_set_up_voids_the_stamp(checkout: Any) -> None:
+    checkout.write_stamp(module("state").Stamp("E"))
+    checkout.unfinished.touch()
+    assert checkout.read_stamp() == module("state").Stamp()
+
+
+def installing(monkeypatch: pytest.MonkeyPatch, error: Exception | None = None) -> None:
+    """Let the installation do nothing, or fail."""
+
+    def install(checkout: Any, test: bool, say: Callable[[str], None]) -> None:
+        if error:
+            raise error
+
+    monkeypatch.setattr(module("environment"), "install", install)
+
+
+def test_adding_the_test_tools_keeps_the_driver(checkout: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    state, main = module("state"), module("main")
+    installing(monkeypatch)
+    driver = state.driver_fingerprint(os.environ)
+    before = state.Stamp(checkout.environment_fingerprint(), driver=driver, driver_variables={"A": "b"})
+    checkout.write_stamp(before)
+    after = main.prepare(checkout, state.Need(test=True, driver=True))
+    assert after == dataclasses.replace(before, test=True) == checkout.read_stamp()
+
+
+def test_test_tools_that_cannot_be_fetched_leave_the_rest_usable(
+    checkout: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state, main = module("state"), module("main")
+    installing(monkeypatch, state.SetupError("no network"))
+    checkout.write_stamp(state.Stamp(checkout.environment_fingerprint()))
+    with pytest.raises(state.SetupError):
+        main.prepare(checkout, state.Need(test=True))
+    assert main.prepare(checkout, state.Need()) == checkout.read_stamp() != state.Stamp()
+
+
 def changed_settings(checkout: Any) -> None:
     (checkout.root / "pyproject.toml").write_text("[project]\nname = 'limen2'\n")
 

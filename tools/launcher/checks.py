@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
 import time
@@ -11,11 +12,12 @@ from pathlib import Path
 __all__ = ["CHECKS", "arguments_from", "run_all"]
 
 ROOT = Path(__file__).resolve().parents[2]
+_SHOWN_LINES = 40
 _IMPORT_LINTER = "from importlinter.cli import lint_imports_command as c; c()"
 
 CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("ruff check", ("-m", "ruff", "check", "--quiet", ".")),
-    ("ruff format", ("-m", "ruff", "format", "--check", ".")),
+    ("ruff check", ("-m", "ruff", "check", "--quiet", "--output-format", "concise", ".")),
+    ("ruff format", ("-m", "ruff", "format", "--check", "--quiet", ".")),
     ("mypy --strict", ("-m", "mypy")),
     ("import directions", ("-c", _IMPORT_LINTER)),
 )
@@ -51,7 +53,11 @@ def _check(name: str, words: Sequence[str]) -> bool:
     )
     _say(f"{name:<18} {'ok' if done.returncode == 0 else 'FAILED':<7} {time.monotonic() - began:4.1f} s")
     if done.returncode:
-        _say(done.stdout.rstrip())
+        lines = done.stdout.rstrip().splitlines()
+        if len(lines) > _SHOWN_LINES:
+            # Pytest's lines come after these and should not need scrolling for.
+            _say(f"... {len(lines) - _SHOWN_LINES} lines more: {sys.executable} {shlex.join(words)}")
+        _say("\n".join(lines[-_SHOWN_LINES:]))
     return done.returncode == 0
 
 

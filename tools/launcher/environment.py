@@ -44,7 +44,6 @@ def install(checkout: Checkout, test: bool, say: Callable[[str], None]) -> None:
     variables = _uv_variables(checkout)
     if checkout.unfinished.exists():
         shutil.rmtree(checkout.venv, ignore_errors=True)  # nobody knows how far the last one came
-    checkout.drop_stamp()
     checkout.unfinished.touch()
     if not _usable(checkout):
         shutil.rmtree(checkout.venv, ignore_errors=True)
@@ -60,9 +59,11 @@ def install(checkout: Checkout, test: bool, say: Callable[[str], None]) -> None:
         else "installing limen and its dependencies into .venv"
     )
     done = run([uv, "pip", "install", "--quiet", "--python", checkout.python, *wanted], checkout.root, variables)
+    # Here uv ended by itself, and it resolves and downloads before it touches .venv: what is there is whole.
+    # So whoever asks for the tests without a network keeps the .venv that works.
+    checkout.unfinished.unlink()
     if done.code:
         raise SetupError(f"uv could not install: {done.reason}")
-    checkout.unfinished.unlink()
 
 
 def group_requirements(pyproject: Path, group: str) -> list[str]:

@@ -96,7 +96,7 @@ def prepare(checkout: Checkout, need: Need) -> Stamp:
         stamp = checkout.read_stamp()  # somebody else may have done it while we waited
         steps = _missing(checkout, stamp, need)
         if ENVIRONMENT in steps or TEST in steps:
-            stamp = _environment(checkout, test=TEST in steps)
+            stamp = _environment(checkout, stamp, steps)
         if DRIVER in steps:
             stamp = _driver(checkout, stamp, need)
     if steps:
@@ -108,11 +108,13 @@ def _missing(checkout: Checkout, stamp: Stamp, need: Need) -> tuple[str, ...]:
     return missing(stamp, need, checkout.environment_fingerprint(), driver_fingerprint(os.environ))
 
 
-def _environment(checkout: Checkout, test: bool) -> Stamp:
+def _environment(checkout: Checkout, stamp: Stamp, steps: Sequence[str]) -> Stamp:
     from launcher.environment import install  # urllib, ssl, zipfile: 60 ms that a usual start never needs
 
-    install(checkout, test, say)
-    stamp = Stamp(environment=checkout.environment_fingerprint(), test=test)
+    install(checkout, TEST in steps, say)
+    if ENVIRONMENT in steps:
+        stamp = Stamp()
+    stamp = dataclasses.replace(stamp, environment=checkout.environment_fingerprint(), test=TEST in steps)
     checkout.write_stamp(stamp)
     return stamp
 

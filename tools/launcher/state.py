@@ -87,7 +87,9 @@ class Checkout:
         return self.notes / "unfinished"
 
     def read_stamp(self) -> Stamp:
-        """The stamp, or an empty one where there is none, or none that can be read."""
+        """The stamp, or an empty one where there is none that can be read, or a set-up broke off since."""
+        if self.unfinished.exists():
+            return Stamp()
         try:
             return Stamp(**json.loads((self.notes / "setup.json").read_text()))
         except (OSError, ValueError, TypeError):
@@ -97,9 +99,6 @@ class Checkout:
         temporary = self.notes / f"setup.{os.getpid()}.tmp"
         temporary.write_text(json.dumps(asdict(stamp), indent=1))
         temporary.replace(self.notes / "setup.json")
-
-    def drop_stamp(self) -> None:
-        (self.notes / "setup.json").unlink(missing_ok=True)
 
     def environment_fingerprint(self) -> str:
         """Changes with pyproject.toml, the checkout's place, and the .venv or the Python under it.
