@@ -108,9 +108,7 @@ def _rows(track: Track, gaze: bool, acuity: bool) -> Iterable[list[str]]:
     if gaze:
         parts.append(np.full((count, 3), np.nan) if track.gaze is None else track.gaze)
     if acuity:
-        parts.append(
-            (np.full(count, np.nan) if track.acuity_arcmin is None else track.acuity_arcmin)[:, None]
-        )
+        parts.append((np.full(count, np.nan) if track.acuity_arcmin is None else track.acuity_arcmin)[:, None])
     # Adding zero turns -0.0 into 0.0; repr is the shortest text that reads back to the same number.
     for time_s, numbers in zip(track.time_s.tolist(), (np.hstack(parts) + 0.0).tolist(), strict=True):
         yield [repr(time_s), track.viewer, *("" if number != number else repr(number) for number in numbers)]
@@ -137,9 +135,7 @@ def read_session(path: str | Path) -> Session:
             continue
         cells = next(csv.reader([line]))
         if len(cells) != len(places):
-            raise SessionError(
-                f"{path}:{number}: {len(cells)} cells for {len(places)} columns; is the line cut off?"
-            )
+            raise SessionError(f"{path}:{number}: {len(cells)} cells for {len(places)} columns; is the line cut off?")
         viewer = cells[places.index("viewer")].strip()
         samples.setdefault(viewer, []).append(_numbers(path, number, places, cells))
         numbers.setdefault(viewer, []).append(number)
@@ -148,9 +144,7 @@ def read_session(path: str | Path) -> Session:
             f"{path}:{len(lines)}: no samples; a session needs at least one line below the columns' names"
         )
     wanted = [name for name in places if name != "viewer"]
-    tracks = (
-        _track(path, viewer, wanted, np.array(rows), numbers[viewer]) for viewer, rows in samples.items()
-    )
+    tracks = (_track(path, viewer, wanted, np.array(rows), numbers[viewer]) for viewer, rows in samples.items())
     return Session(header.name, header.display, header.rate_hz, tuple(tracks))
 
 
@@ -174,9 +168,7 @@ def _header(path: Path, lines: list[str]) -> _Header:
     if not first.startswith(_MARK) or not colon:
         raise SessionError(f"{path}:1: not a session file; its first line should look like: {_EXAMPLE}")
     if version.strip() != str(VERSION):
-        raise SessionError(
-            f"{path}:1: version '{version.strip()}' of the format; this limen reads version {VERSION}"
-        )
+        raise SessionError(f"{path}:1: version '{version.strip()}' of the format; this limen reads version {VERSION}")
     try:
         return msgspec.json.decode(settings, type=_Header)
     except (msgspec.ValidationError, msgspec.DecodeError) as error:
@@ -204,8 +196,7 @@ def _columns(path: Path, lines: list[str]) -> tuple[list[str], int]:
             )
         return names, number
     raise SessionError(
-        f"{path}:{len(lines)}: nothing below the first line; "
-        f"add the columns {','.join(_REQUIRED)} and a line a sample"
+        f"{path}:{len(lines)}: nothing below the first line; add the columns {','.join(_REQUIRED)} and a line a sample"
     )
 
 
@@ -225,9 +216,7 @@ def _numbers(path: Path, line: int, names: Sequence[str], cells: Sequence[str]) 
                 f"{path}:{line}: {name} is '{text}', which is not a number; use a point for decimals"
             ) from None
         if not np.isfinite(values[-1]):
-            raise SessionError(
-                f"{path}:{line}: {name} is '{text}'; drop samples where the tracker lost the viewer"
-            )
+            raise SessionError(f"{path}:{line}: {name} is '{text}'; drop samples where the tracker lost the viewer")
     return values
 
 

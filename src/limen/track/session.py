@@ -74,16 +74,12 @@ class Track:
             value = np.asarray(getattr(self, name), dtype=float)
             object.__setattr__(self, name, value)
             if value.shape != shape:
-                raise SessionError(
-                    f"viewer '{self.viewer}': {name} must have shape {shape}, got {value.shape}"
-                )
+                raise SessionError(f"viewer '{self.viewer}': {name} must have shape {shape}, got {value.shape}")
         if not count:
             raise SessionError(f"viewer '{self.viewer}' has no samples: leave the viewer out")
         fault = find_fault(self.time_s, self.position_m, self.direction, self.gaze, self.acuity_arcmin)
         if fault is not None:
-            raise SessionError(
-                f"viewer '{self.viewer}', sample {fault.sample}: {fault.field} {fault.message}"
-            )
+            raise SessionError(f"viewer '{self.viewer}', sample {fault.sample}: {fault.field} {fault.message}")
 
     def viewers(self, time_s: Floats) -> list[Viewer]:
         """The viewer at other times (sorted or not), shape (F,).
@@ -163,7 +159,8 @@ class Session:
     @property
     def duration_s(self) -> float:
         """From the first sample to the end of the last, which lasts ``1 / rate_hz`` as all others do."""
-        return max(float(track.time_s[-1]) for track in self.tracks) - self.start_s + 1 / self.rate_hz
+        end_s = max(float(track.time_s[-1]) for track in self.tracks) + 1 / self.rate_hz
+        return round(end_s - self.start_s, 6)  # files hold microseconds
 
     @property
     def length_m(self) -> float:
@@ -220,9 +217,7 @@ def _track_of(name: str, samples: list[Viewer]) -> Track:
     samples = sorted(samples, key=lambda viewer: viewer.time_s)
     nothing = (math.nan, math.nan, math.nan)
     gaze = np.array([nothing if viewer.gaze is None else viewer.gaze for viewer in samples])
-    acuity = np.array(
-        [math.nan if viewer.acuity_arcmin is None else viewer.acuity_arcmin for viewer in samples]
-    )
+    acuity = np.array([math.nan if viewer.acuity_arcmin is None else viewer.acuity_arcmin for viewer in samples])
     return Track(
         name,
         np.array([viewer.time_s for viewer in samples]),
@@ -265,9 +260,7 @@ def find_fault(
     ]
     if gaze is not None:
         empty, known = np.asarray(np.isnan(gaze).all(axis=1)), _finite(gaze)
-        checks.append(
-            (~(empty | known), "gaze", "is not finite; give all three numbers or leave all three empty")
-        )
+        checks.append((~(empty | known), "gaze", "is not finite; give all three numbers or leave all three empty"))
         checks.append(
             (
                 known & _is_short(gaze),
