@@ -155,7 +155,7 @@ class Room:
     def _way_over_cells(self, start: Floats, end: Floats) -> Floats:
         centres = self.cell_centres_m[self.mask]
         first, last = (int(((centres - place) ** 2).sum(axis=1).argmin()) for place in (start, end))
-        before = dijkstra(self._neighbours, directed=False, indices=first, return_predecessors=True)[1]
+        before = dijkstra(self._neighbours, directed=False, indices=[first], return_predecessors=True)[1][0]
         way = [last]
         while way[-1] != first:
             way.append(int(before[way[-1]]))
