@@ -23,9 +23,9 @@ def linear(srgb: NDArray[Any]) -> NDArray[np.float64]:
 
 def srgb(light: NDArray[Any]) -> NDArray[np.uint8]:
     light = np.clip(light, 0, 1)
-    return np.rint(
-        np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055) * 255
-    ).astype(np.uint8)
+    return np.rint(np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055) * 255).astype(
+        np.uint8
+    )
 
 
 def _halved(light: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

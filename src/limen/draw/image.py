@@ -70,8 +70,7 @@ class ImageLayer:
         self._static_rows: dict[Quilt, records.Rows] = {}
         storage = wgpu.BufferUsage.STORAGE
         self._buffers = {
-            name: GrowingBuffer(device, name, storage)
-            for name in ("panels", "eyes", "quads", "table", "levels")
+            name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "quads", "table", "levels")
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
@@ -80,6 +79,13 @@ class ImageLayer:
         self._table_of: Drawable | None = None
         self._bind_group: Any = None
         self._bound: tuple[int, ...] = ()
+
+    def place(self, view: View) -> None:
+        """Go on with another view of the same image on the same display (a pan or a zoom on the surface)."""
+        if isinstance(view.placement, OnShape) != self._bent or view.pyramid.size_px != self._view.pyramid.size_px:
+            raise ValueError("another image, or another kind of placement, needs another layer")
+        self._view = view
+        self._static_rows.clear()
 
     def draw(
         self,
@@ -156,15 +162,11 @@ class ImageLayer:
 
     # ------------------------------------------------------------------ steps of a draw
 
-    def _write(
-        self, cut: Cut, drawable: Drawable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
-    ) -> int:
+    def _write(self, cut: Cut, drawable: Drawable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None) -> int:
         """Hand the frame over; returns how many quads are to be drawn."""
         view, buffers = self._view, self._buffers
         pool = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
-        buffers["frame"].write(
-            records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool)
-        )
+        buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool))
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
         if self._bent:
@@ -186,11 +188,7 @@ class ImageLayer:
     def _target(self, size_px: tuple[int, int], target_format: str) -> Any:
         key = (size_px, target_format)
         if key not in self._targets:
-            usage = (
-                wgpu.TextureUsage.RENDER_ATTACHMENT
-                | wgpu.TextureUsage.COPY_SRC
-                | wgpu.TextureUsage.TEXTURE_BINDING
-            )
+            usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
             self._targets[key] = self._device.wgpu.create_texture(
                 label="quilt", size=(*size_px, 1), format=target_format, usage=usage
             )
@@ -201,9 +199,7 @@ class ImageLayer:
         used = [self._buffers[name] for name in self._names if name in self._buffers]
         state = tuple(buffer.generation for buffer in used)
         if self._bind_group is None or state != self._bound:
-            resources: dict[str, Any] = {
-                name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()
-            }
+            resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()}
             resources |= {"pool": self._pool.texels, "bilinear": self._sampler}
             entries = [{"binding": _NUMBERS[name], "resource": resources[name]} for name in self._names]
             self._bind_group = self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
@@ -218,10 +214,7 @@ class ImageLayer:
             "bilinear": {"sampler": {"type": "filtering"}},
         }
         storage = {"buffer": {"type": "read-only-storage"}}
-        entries = [
-            {"binding": _NUMBERS[name], "visibility": both, **kinds.get(name, storage)}
-            for name in self._names
-        ]
+        entries = [{"binding": _NUMBERS[name], "visibility": both, **kinds.get(name, storage)} for name in self._names]
         return self._device.wgpu.create_bind_group_layout(entries=entries)
 
     def _pipeline(self, target_format: str, overlay: Overlay | None) -> Any:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import colorsys
 import math
-from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -85,9 +84,7 @@ PAGE_QUAD = np.dtype(
         ("coarser", "<u4"),
     ]
 )
-LEVEL = np.dtype(
-    [("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("padding", "<u4"), ("colour", "<f4", 4)]
-)
+LEVEL = np.dtype([("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("padding", "<u4"), ("colour", "<f4", 4)])
 
 _NO_PAGE = 0xFFFF_FFFF
 _RAINBOW_LEVELS = 8
@@ -101,9 +98,7 @@ def level_colours(count: int) -> NDArray[np.float64]:
     return np.array([colorsys.hsv_to_rgb(hue, 1.0, 1.0) for hue in hues])
 
 
-def frame_row(
-    view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m: Vec3 | None, **fields: int
-) -> Rows:
+def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m: Vec3 | None, **fields: int) -> Rows:
     """One row of `FRAME`; ``fields`` are those that only some passes know."""
     row = np.zeros(1, FRAME)
     row["quilt_px"], row["image_px"] = quilt_px, view.pyramid.size_px
@@ -206,18 +201,16 @@ def page_table(drawable: Drawable) -> NDArray[np.uint32]:
 def _eye_in_shape(placement: OnShape, eye_m: Vec3 | None) -> Floats:
     eye = placement.eye_m or eye_m
     if eye is None:
-        raise InputError(
-            f"an image on a {placement.kind} needs an eye point: give the placement's eye_m or a viewer"
-        )
+        raise InputError(f"an image on a {placement.kind} needs an eye point: give the placement's eye_m or a viewer")
     local = placement.local_from_room()
     return np.asarray(local[:3, :3] @ np.array(eye) + local[:3, 3])
 
 
-def _outline_edges(panel: Panel) -> Sequence[tuple[float, float, float]]:
-    """Lines (a, b, c) with ``a x + b y + c >= 0`` inside the outline, pixels."""
+def _outline_edges(panel: Panel) -> Floats:
+    """Lines (a, b, c) with ``a x + b y + c >= 0`` inside the outline, pixels; shape (edges, 3)."""
     corners: list[tuple[float, float]] = list(panel.outline_px)
     if not corners:
-        return []
+        return np.empty((0, 3))
     following = corners[1:] + corners[:1]
     area = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(corners, following, strict=True))
     turn = math.copysign(1.0, area)
@@ -225,7 +218,7 @@ def _outline_edges(panel: Panel) -> Sequence[tuple[float, float, float]]:
     for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
         a, b = turn * (y0 - y1), turn * (x1 - x0)
         edges.append((a, b, -(a * x0 + b * y0)))
-    return edges
+    return np.array(edges)
 
 
 def _linear(srgb: Any) -> Any:

@@ -29,9 +29,7 @@ class GrowingBuffer:
         self.buffer: Any = None
 
     def write(self, rows: NDArray[Any]) -> None:
-        data = (
-            np.ascontiguousarray(rows) if rows.size else np.zeros(1, rows.dtype)
-        )  # WebGPU binds no empty buffer
+        data = np.ascontiguousarray(rows) if rows.size else np.zeros(1, rows.dtype)  # WebGPU binds no empty buffer
         if data.nbytes > self._device.max_binding_bytes:
             raise DeviceLimitError(
                 f"{self._label}: {data.nbytes} bytes exceed the adapter's {self._device.max_binding_bytes}"

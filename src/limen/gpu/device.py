@@ -11,14 +11,9 @@ from typing import Any
 import wgpu
 
 from limen.errors import NoAdapterError
+from limen.gpu.adapters import driver_advice
 
-__all__ = ["DRIVER_ADVICE", "Device", "open_device"]
-
-DRIVER_ADVICE = (
-    "on Debian or Ubuntu install mesa-vulkan-drivers and libvulkan1, on Fedora mesa-vulkan-drivers and "
-    "vulkan-loader, on Arch vulkan-swrast and vulkan-icd-loader, on Windows or macOS a newer graphics driver"
-)
-"""What to do where wgpu sees neither a Vulkan nor an OpenGL driver, system by system."""
+__all__ = ["Device", "open_device"]
 
 _WANTED_LIMITS = (
     "max-texture-dimension-2d",
@@ -101,9 +96,9 @@ def _adapter(prefer: str | None) -> Any:
         adapters = wgpu.gpu.enumerate_adapters_sync()
     except RuntimeError:
         # wgpu's own message counts the backends that it was not built with, over several lines.
-        raise NoAdapterError(f"no graphics adapter was found: {DRIVER_ADVICE}") from None
+        raise NoAdapterError(f"no graphics adapter was found: {driver_advice()}") from None
     if not adapters:
-        raise NoAdapterError(f"no graphics adapter was found: {DRIVER_ADVICE}")
+        raise NoAdapterError(f"no graphics adapter was found: {driver_advice()}")
     for adapter in adapters:
         if prefer.lower() in adapter.summary.lower():
             return adapter

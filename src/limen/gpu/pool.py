@@ -69,9 +69,7 @@ class PagePool:
         for upload in uploads:
             texels = np.ascontiguousarray(upload.texels)
             if texels.shape != (PAGE_SIDE, PAGE_SIDE, 4) or texels.dtype != np.uint8:
-                raise ValueError(
-                    f"a page has {PAGE_SIDE} x {PAGE_SIDE} RGBA bytes, got {texels.dtype} {texels.shape}"
-                )
+                raise ValueError(f"a page has {PAGE_SIDE} x {PAGE_SIDE} RGBA bytes, got {texels.dtype} {texels.shape}")
             self._queue.write_texture(
                 {"texture": self._texture, "origin": self._origin(upload.slot)},
                 texels,
@@ -97,6 +95,4 @@ def _texture(device: Device, size: tuple[int, int, int]) -> Any:
     except wgpu.GPUError as error:
         gigabytes = size[0] * size[1] * size[2] * 4 / 1e9
         reason = " ".join(str(error).split())
-        raise DeviceLimitError(
-            f"the adapter refused {gigabytes:.1f} GB for pages, give it less: {reason}"
-        ) from None
+        raise DeviceLimitError(f"the adapter refused {gigabytes:.1f} GB for pages, give it less: {reason}") from None

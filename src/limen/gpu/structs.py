@@ -47,9 +47,7 @@ def check_layout(dtype: np.dtype[np.void]) -> None:
         alignment = _ALIGNMENT[field.shape[-1] if field.shape else 1]
         expected = -(-end // alignment) * alignment
         if offset != expected:
-            raise ValueError(
-                f"field '{name}' is at byte {offset}; WGSL places it at {expected}: add padding fields"
-            )
+            raise ValueError(f"field '{name}' is at byte {offset}; WGSL places it at {expected}: add padding fields")
         end = offset + field.itemsize
         largest = max(largest, alignment)
     if dtype.itemsize % largest or dtype.itemsize != end:
