@@ -65,7 +65,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except Exception as error:
         if "-v" in words or "--verbose" in words:
             traceback.print_exc()
-        _fail(f"a fault in limen itself: {type(error).__name__}: {error} (run again with -v for the traceback)", _EXIT_OURS)
+        _fail(
+            f"a fault in limen itself: {type(error).__name__}: {error} (run again with -v for the traceback)",
+            _EXIT_OURS,
+        )
 
 
 def _verb_of(words: list[str]) -> str:

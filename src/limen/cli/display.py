@@ -104,7 +104,9 @@ def _print(out: Output, chosen: Display, report: DisplayReport) -> None:
             row = _row(panel)
             name = panel.name if out.common.verbose or len(panels) == 1 else f"{grid}/*  x {len(panels)}"
             nodes = sorted({each.node for each in panels} - {""})
-            node = panel.node if out.common.verbose else (f"{nodes[0]}..{nodes[-1]}" if len(nodes) > 1 else "".join(nodes))
+            node = (
+                panel.node if out.common.verbose else (f"{nodes[0]}..{nodes[-1]}" if len(nodes) > 1 else "".join(nodes))
+            )
             rows.append(
                 (
                     name,
@@ -118,7 +120,10 @@ def _print(out: Output, chosen: Display, report: DisplayReport) -> None:
     out.line(f"{report.name}: {report.description}" if report.description else report.name)
     out.table("", columns, rows)
     width, height = report.surface_m
-    out.line(f"{len(chosen.panels)} panels, {report.total_px / 1e6:,.1f} megapixels, unrolled surface {width:.2f} x {height:.2f} m")
+    out.line(
+        f"{len(chosen.panels)} panels, {report.total_px / 1e6:,.1f} megapixels, "
+        f"unrolled surface {width:.2f} x {height:.2f} m"
+    )
     out.line(f"Dopt: where one pixel subtends {SNELLEN_ARCMIN:g} and {HUMAN_ARCMIN:g} arcminutes")
     for label, path in (("picture", report.picture), ("display file", report.toml)):
         if path:

@@ -22,9 +22,13 @@ __all__ = ["DEFAULT", "Common", "Output"]
 class Common:
     """Options that every verb takes."""
 
-    json: Annotated[bool, Parameter(negative="", help="Print one JSON object on stdout and nothing else there.")] = False
+    json: Annotated[bool, Parameter(negative="", help="Print one JSON object on stdout and nothing else there.")] = (
+        False
+    )
     quiet: Annotated[bool, Parameter(alias="-q", negative="", help="No progress, no remarks.")] = False
-    verbose: Annotated[bool, Parameter(alias="-v", negative="", help="Say more; tracebacks for limen's own faults.")] = False
+    verbose: Annotated[
+        bool, Parameter(alias="-v", negative="", help="Say more; tracebacks for limen's own faults.")
+    ] = False
 
 
 DEFAULT = Common()
@@ -78,10 +82,14 @@ class Output:
         columns = (
             TextColumn("{task.description}"),
             BarColumn(bar_width=30),
-            MofNCompleteColumn() if total is None or float(total).is_integer() else TextColumn("{task.percentage:>3.0f} %"),
+            MofNCompleteColumn()
+            if total is None or float(total).is_integer()
+            else TextColumn("{task.percentage:>3.0f} %"),
             TimeRemainingColumn(compact=True),
         )
-        with Progress(*columns, console=self._err, transient=True, disable=self.common.quiet or not self._err.is_terminal) as bar:
+        with Progress(
+            *columns, console=self._err, transient=True, disable=self.common.quiet or not self._err.is_terminal
+        ) as bar:
             yield _Step(bar, bar.add_task(what, total=total))
 
 

@@ -57,8 +57,12 @@ def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
     suffix = path.suffix.lower()
     if suffix in (".jpg", ".jpeg"):
         space = "RGBA" if picture.shape[2] == 4 else "RGB"
-        data = simplejpeg.encode_jpeg(np.ascontiguousarray(picture), quality=JPEG_QUALITY, colorspace=space, colorsubsampling="444")
+        data = simplejpeg.encode_jpeg(
+            np.ascontiguousarray(picture), quality=JPEG_QUALITY, colorspace=space, colorsubsampling="444"
+        )
         return write_atomically(path, lambda file: file.write(data))
     if suffix == ".png":
-        return write_atomically(path, lambda file: Picture.fromarray(picture).save(file, format="PNG", compress_level=3))
+        return write_atomically(
+            path, lambda file: Picture.fromarray(picture).save(file, format="PNG", compress_level=3)
+        )
     raise InputError(f"{path}: a picture's name must end in .png or .jpg")

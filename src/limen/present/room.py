@@ -49,7 +49,9 @@ class Camera:
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, [0.0, 1.0, 0.0])
         right = right / np.linalg.norm(right)
-        local = (np.asarray(points_m) - np.array(self.eye_m)) @ np.stack([right, np.cross(right, forward), forward], axis=1)
+        local = (np.asarray(points_m) - np.array(self.eye_m)) @ np.stack(
+            [right, np.cross(right, forward), forward], axis=1
+        )
         scale = size_px[1] / 2 / math.tan(self.half_fov_rad)
         depth = local[..., 2]
         safe = np.maximum(depth, 1e-3)
@@ -123,13 +125,17 @@ def draw_surface(display: Display, pictures: Mapping[str, Rgb], width_px: int = 
     height_px = max(1, round(surface.height * density))
     canvas = Picture.new("RGB", (width_px, height_px), _BACKGROUND)
     for panel in display.panels:
-        x0, y0 = ((value - edge) * density for value, edge in zip(panel.surface_m, (surface.left, surface.top), strict=True))
+        x0, y0 = (
+            (value - edge) * density for value, edge in zip(panel.surface_m, (surface.left, surface.top), strict=True)
+        )
         x1, y1 = x0 + panel.size_m[0] * density, y0 + panel.size_m[1] * density
         box = (round(x0), round(y0), max(round(x0) + 1, round(x1)), max(round(y0) + 1, round(y1)))
         size = (box[2] - box[0], box[3] - box[1])
         if panel.name in pictures:
             tile = Picture.fromarray(np.ascontiguousarray(pictures[panel.name][..., :3]))
-            canvas.paste(tile.resize(size, Picture.Resampling.BOX if tile.width >= size[0] else Picture.Resampling.BICUBIC), box)
+            canvas.paste(
+                tile.resize(size, Picture.Resampling.BOX if tile.width >= size[0] else Picture.Resampling.BICUBIC), box
+            )
         else:
             canvas.paste(_UNLIT, box)
     return np.asarray(canvas)
@@ -147,7 +153,9 @@ def _camera_for(display: Display, viewers: Sequence[Viewer], size_px: tuple[int,
         azimuth, elevation = math.atan2(mean[0], mean[2]) + math.radians(28), math.radians(16)
     else:
         azimuth, elevation = math.radians(9), math.radians(33)
-    toward = np.array([math.sin(azimuth) * math.cos(elevation), math.sin(elevation), math.cos(azimuth) * math.cos(elevation)])
+    toward = np.array(
+        [math.sin(azimuth) * math.cos(elevation), math.sin(elevation), math.cos(azimuth) * math.cos(elevation)]
+    )
     points = [panel.corners_m for panel in display.panels] + [np.array([viewer.position_m]) for viewer in viewers]
     return _framed(np.concatenate(points), toward, size_px)
 
@@ -181,7 +189,9 @@ def _vec(values: Floats) -> Vec3:
 # ---------------------------------------------------------------------- what is drawn
 
 
-def _draw_lit(canvas: Rgb, panels: Sequence[Panel], pictures: Mapping[str, Rgb], camera: Camera, size_px: tuple[int, int]) -> Rgb:
+def _draw_lit(
+    canvas: Rgb, panels: Sequence[Panel], pictures: Mapping[str, Rgb], camera: Camera, size_px: tuple[int, int]
+) -> Rgb:
     depth = np.full(canvas.shape[:2], np.inf)
     for panel in panels:
         corners, distance = camera.project(panel.corners_m, size_px)
@@ -212,7 +222,9 @@ def _draw_lit(canvas: Rgb, panels: Sequence[Panel], pictures: Mapping[str, Rgb],
 
 def _on_panel(corners: Floats, distance: Floats, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
     """Panel coordinates (0 ... 1 to the right and down) and depth behind picture pixels, by the inverse homography."""
-    triangle = np.stack([np.append(corner, 1.0) * depth for corner, depth in zip(corners[[0, 1, 3]], distance[[0, 1, 3]], strict=True)])
+    triangle = np.stack(
+        [np.append(corner, 1.0) * depth for corner, depth in zip(corners[[0, 1, 3]], distance[[0, 1, 3]], strict=True)]
+    )
     # A place on the panel is c0 + u (c1 - c0) + v (c3 - c0) in homogeneous picture coordinates.
     matrix = np.stack([triangle[1] - triangle[0], triangle[2] - triangle[0], triangle[0]], axis=1)
     inverse = np.linalg.inv(matrix)
@@ -242,19 +254,31 @@ def _draw_floor(
 
 
 def _line(
-    drawing: ImageDraw.ImageDraw, camera: Camera, size_px: tuple[int, int], points_m: Floats, colour: tuple[int, int, int], width: int
+    drawing: ImageDraw.ImageDraw,
+    camera: Camera,
+    size_px: tuple[int, int],
+    points_m: Floats,
+    colour: tuple[int, int, int],
+    width: int,
 ) -> None:
     place, depth = camera.project(points_m, size_px)
     if depth.min() > 0.05:
         drawing.line([tuple(point) for point in place], fill=colour, width=width, joint="curve")
 
 
-def _draw_ghost(drawing: ImageDraw.ImageDraw, panels: Sequence[Panel], camera: Camera, size_px: tuple[int, int]) -> None:
+def _draw_ghost(
+    drawing: ImageDraw.ImageDraw, panels: Sequence[Panel], camera: Camera, size_px: tuple[int, int]
+) -> None:
     """The outer edge of a wall that is seen from behind."""
     corners = np.concatenate([panel.corners_m for panel in panels])
     right, down = np.array(panels[0].right), np.array(panels[0].down)
     along, below = corners @ right, corners @ down
-    extremes = [(along.min(), below.min()), (along.max(), below.min()), (along.max(), below.max()), (along.min(), below.max())]
+    extremes = [
+        (along.min(), below.min()),
+        (along.max(), below.min()),
+        (along.max(), below.max()),
+        (along.min(), below.max()),
+    ]
     base = corners[0] - right * along[0] - down * below[0]
     loop = np.array([base + right * a + down * b for a, b in extremes])
     _line(drawing, camera, size_px, np.concatenate([loop, loop[:1]]), _GHOST, _SUPERSAMPLE)
@@ -269,16 +293,34 @@ def _draw_person(drawing: ImageDraw.ImageDraw, viewer: Viewer, camera: Camera, s
         return
     scale = size_px[1] / 2 / math.tan(camera.half_fov_rad) / depth[2]
     shoulder, hip, radius = 0.23 * scale, 0.14 * scale, 0.13 * scale
-    drawing.ellipse([foot[0] - 0.3 * scale, foot[1] - 0.1 * scale, foot[0] + 0.3 * scale, foot[1] + 0.1 * scale], fill=(20, 21, 24))
+    drawing.ellipse(
+        [foot[0] - 0.3 * scale, foot[1] - 0.1 * scale, foot[0] + 0.3 * scale, foot[1] + 0.1 * scale], fill=(20, 21, 24)
+    )
     neck = chin[1] + 0.08 * scale
-    body = [(chin[0] - shoulder, neck + 0.06 * scale), (chin[0] + shoulder, neck + 0.06 * scale), (foot[0] + hip, foot[1]), (foot[0] - hip, foot[1])]
+    body = [
+        (chin[0] - shoulder, neck + 0.06 * scale),
+        (chin[0] + shoulder, neck + 0.06 * scale),
+        (foot[0] + hip, foot[1]),
+        (foot[0] - hip, foot[1]),
+    ]
     drawing.polygon(body, fill=_PERSON)
     drawing.ellipse([chin[0] - shoulder, neck - 0.04 * scale, chin[0] + shoulder, neck + 0.2 * scale], fill=_PERSON)
-    drawing.ellipse([top[0] - radius, top[1] - 1.2 * radius, top[0] + radius, top[1] + 1.2 * radius], fill=(255, 214, 150))
-    _line(drawing, camera, size_px, np.stack([head, head + 0.7 * np.array(viewer.direction)]), (255, 236, 200), 2 * _SUPERSAMPLE)
+    drawing.ellipse(
+        [top[0] - radius, top[1] - 1.2 * radius, top[0] + radius, top[1] + 1.2 * radius], fill=(255, 214, 150)
+    )
+    _line(
+        drawing,
+        camera,
+        size_px,
+        np.stack([head, head + 0.7 * np.array(viewer.direction)]),
+        (255, 236, 200),
+        2 * _SUPERSAMPLE,
+    )
 
 
-def _label(drawing: ImageDraw.ImageDraw, name: str, panels: Sequence[Panel], camera: Camera, size_px: tuple[int, int]) -> None:
+def _label(
+    drawing: ImageDraw.ImageDraw, name: str, panels: Sequence[Panel], camera: Camera, size_px: tuple[int, int]
+) -> None:
     corners = np.concatenate([panel.corners_m for panel in panels])
     middle = corners.mean(axis=0)
     up = -np.array(panels[0].down)

@@ -1,0 +1,145 @@
+"""``limen traffic``: what would have to move, per frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from limen.cli.output import DEFAULT, Common, Output
+from limen.display.display import Display
+from limen.errors import InputError
+
+if TYPE_CHECKING:
+    from limen.select.image import View
+    from limen.study.traffic import Report, Row, SessionTraffic
+
+__all__ = ["traffic"]
+
+ONE_TO_ONE = "one-to-one"
+_Words = Annotated[list[str], Parameter(consume_multiple=True, negative="")]
+
+
+def traffic(
+    content: str,
+    /,
+    *,
+    display: str,
+    panels: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    session: _Words | None = None,
+    policy: _Words | None = None,
+    acuity_arcmin: _Words | None = None,
+    rate_hz: float = 30.0,
+    fit: str = "contain",
+    per_node: Annotated[bool, Parameter(negative="")] = False,
+    plot: Path | None = None,
+    common: Common = DEFAULT,
+) -> None:
+    """Count the pages that every frame of a session needs, policy by policy, with nothing kept between frames.
+
+    Example: limen traffic one-to-one --display reality-deck --panels 'front/*' 'left/*' 'right/*' --session A B C
+
+    Parameters
+    ----------
+    content
+        An image file, or one-to-one: a made-up image with a texel on every pixel of the whole display.
+    display
+        A preset's name or a display file.
+    panels
+        Count only panels whose names match any of these patterns; the image still lies on the whole display.
+    session
+        A, B, C (the default: all three) or session files.
+    policy
+        full, acuity (the default: both).
+    acuity_arcmin
+        A row of each policy that needs one for each of these (default: 1 0.64 0.5; human and snellen are names).
+    rate_hz
+        Frames of the session to look at, per second.
+    fit
+        How an image file lies on the display: contain, cover, one-to-one.
+    per_node
+        Count a page once for every node that shows it, instead of once for the wall.
+    plot
+        Draw pages over time to this .png or .svg.
+    """
+    from limen.study import traffic as study
+    from limen.track.walk import session_named
+
+    out = Output(common)
+    whole = Display.named(display)
+    part = whole.select(panels) if panels else whole
+    policies = study.policies_of(policy or ["full", "acuity"], acuity_arcmin or ["1", "0.64", "0.5"])
+    sessions = [session_named(name, whole) for name in session or ["A", "B", "C"]]
+    for walked in sessions:
+        if walked.display != whole.name:
+            out.say(f"session '{walked.name}' was made for '{walked.display}', and is counted on '{whole.name}'")
+    if plot is not None:
+        from limen.study.plots import traffic_plot, format_of
+
+        format_of(plot)  # a wrong ending should not cost a minute of counting
+    view, page_bytes = _view(content, part, fit)
+    with out.progress("counting pages", study.frames_of(sessions, rate_hz)) as step:
+        counts = tuple(
+            study.count_traffic(view, walked, policies, rate_hz=rate_hz, per_node=per_node, advance=step)
+            for walked in sessions
+        )
+    report = study.Report(content, view, rate_hz, page_bytes, per_node, counts)
+    if plot is not None:
+        traffic_plot(report, plot)
+    out.result(report.summary())
+    _print(out, report)
+
+
+def _view(content: str, display: Display, fit: str) -> tuple[View, float]:
+    from limen.placement import OnSurface
+    from limen.select.image import view_of
+    from limen.study.traffic import PAPER_PAGE_BYTES, one_to_one_view
+
+    if content == ONE_TO_ONE:
+        return one_to_one_view(display), PAPER_PAGE_BYTES
+    placement = OnSurface(fit)  # type: ignore[arg-type]  # it checks the word itself, with a better message
+    image: Any = _open(content)
+    if not hasattr(image, "pyramid"):
+        raise InputError(f"{content}: traffic counts the pages of images, and this is none")
+    return view_of(display, image.pyramid, placement), float(image.mean_page_bytes)
+
+
+def _open(path: str) -> Any:
+    import limen
+
+    return limen.open(path)
+
+
+def _print(out: Output, report: Report) -> None:
+    summary = report.summary()
+    rows = [line for session in summary.sessions for line in _lines(session)]
+    where = f"{summary.display}, {summary.panels} panels, {summary.total_px / 1e9:.3g} gigapixels"
+    columns = ("session", "policy", "pages/frame", "99th pct", "MB/frame", "MB/s at 30/s", "saved", "texels/floor", "floor Mpx")
+    out.table(f"{summary.content} on {where}", columns, rows)
+    out.line(
+        f"A page is 256 x 256 texels, {summary.page_bytes / 1000:.3g} kB; nothing is kept between frames"
+        + (", and every node fetches for itself." if summary.per_node else ".")
+        + " Floor: samples that eyes of that acuity could resolve."
+    )
+
+
+def _lines(session: SessionTraffic) -> list[Sequence[object]]:
+    return [_line(session, row, number == 0) for number, row in enumerate(session.rows)]
+
+
+def _line(session: SessionTraffic, row: Row, first: bool) -> Sequence[object]:
+    name = f"{session.name} ({session.frames:,} frames)" if first else ""
+    label = row.policy if row.acuity_arcmin is None else f"{row.policy} {row.acuity_arcmin:g}'"
+    return (
+        name,
+        label,
+        f"{row.pages_mean:,.0f}",
+        f"{row.pages_p99:,.0f}",
+        f"{row.bytes_mean / 1e6:,.1f}",
+        f"{row.bytes_per_s / 1e6:,.0f}",
+        "-" if row.policy == "full" else f"{row.saving * 100:.1f} %",
+        f"{row.texels_over_floor:.2f}",
+        f"{session.floor_samples_mean / 1e6:.1f}" if first else "",
+    )

@@ -1,0 +1,71 @@
+"""``limen walk``: make a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from limen.cli.output import DEFAULT, Common, Output
+from limen.display.display import Display
+
+__all__ = ["walk"]
+
+
+def walk(
+    out: Path,
+    /,
+    *,
+    display: str,
+    seconds: float,
+    seed: int = 0,
+    viewers: int = 1,
+    rate_hz: float = 120.0,
+    picture: Annotated[Path | None, Parameter(help="Also draw heat map, hotspots and path to this .png or .svg.")] = None,
+    common: Common = DEFAULT,
+) -> None:
+    """Make a session: people who walk between places of interest in front of a display.
+
+    Example: limen walk --display reality-deck --seconds 60 --viewers 2 two.csv
+
+    Parameters
+    ----------
+    out
+        The session file to write (CSV; see docs/sessions.md).
+    display
+        A preset's name or a display file.
+    seconds
+        How long the session lasts.
+    seed
+        Another seed is another heat map and other paths; the same gives the same file.
+    viewers
+        How many people walk.
+    rate_hz
+        Samples a second.
+    """
+    from limen.track.replay import write_session
+    from limen.track.walk import heat_map, make_walk
+
+    output = Output(common)
+    shown = Display.named(display)
+    session = make_walk(shown, seconds, seed, viewers, rate_hz, name=out.stem)
+    write_session(out, session)
+    if picture is not None:
+        from limen.study.plots import walk_plot
+
+        walk_plot(shown, heat_map(shown, seed), session, picture)
+    result = {
+        "path": str(out),
+        "frames": session.sample_count,
+        "length_m": round(session.length_m, 3),
+        "seconds": session.duration_s,
+        "viewers": viewers,
+        "rate_hz": session.rate_hz,
+        "seed": seed,
+        "display": shown.name,
+        "picture": None if picture is None else str(picture),
+    }
+    output.result(result)
+    people = "1 viewer" if viewers == 1 else f"{viewers} viewers"
+    output.line(f"{out}: {session.sample_count:,} frames, {session.duration_s:g} s, {people}, {session.length_m:.1f} m walked")

@@ -1,0 +1,94 @@
+"""The floor: how many samples of a display an eye could resolve, which no policy can safely go under.
+
+A square metre of panel, seen from ``D`` under the angle ``theta`` off its normal, fills ``cos(theta) / D^2`` of the
+eye's solid angle. At one sample per acuity in both directions that is ``cos(theta) / (D tan(acuity))^2`` samples; the
+panel and the image themselves hold no more than their pixels and texels.
+"""
+
+# mypy: disallow-untyped-decorators=False
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from limen.geometry import Floats
+from limen.select.image import View
+
+__all__ = ["Places", "places_of", "resolvable_samples"]
+
+
+class Places(NamedTuple):
+    """Midpoints of the rectangles that panels are cut into, to sum over."""
+
+    position_m: Floats  # (Q, 3)
+    normal: Floats  # (Q, 3)
+    area_m2: Floats  # (Q,)
+    most_per_m2: Floats  # (Q,): what pixels and texels hold
+
+
+def places_of(view: View, cell_m: float = 0.1) -> Places:
+    """The panels of a view, cut into cells of at most ``cell_m``, at least 4 x 4.
+
+    At 0.1 m the sum is within 0.03 % of its limit for a viewer 0.35 m or more from the Reality Deck's walls.
+    """
+    parts: list[Floats] = []
+    for number, panel in enumerate(view.display.panels):
+        counts = (max(4, math.ceil(side / cell_m)) for side in panel.size_m)
+        grid = np.stack(np.meshgrid(*((np.arange(count) + 0.5) / count for count in counts)), axis=-1).reshape(-1, 2)
+        position = panel.position_m(grid * np.array(panel.size_px))
+        most = np.full(len(grid), 1 / math.prod(panel.pitch_m))
+        if view.maps is not None:
+            texels = np.abs(view.maps.scale[number])
+            most *= min(1.0, float(texels.prod()))
+            at = grid * np.array(panel.size_px) * view.maps.scale[number] + view.maps.offset[number]
+            most *= ((at >= 0) & (at < np.array(view.pyramid.size_px))).all(axis=1)
+        area = np.full(len(grid), math.prod(panel.size_m) / len(grid))
+        parts.append(np.column_stack([position, np.tile(panel.normal, (len(grid), 1)), area, most]))
+    rows = np.concatenate(parts)
+    columns = (rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7])
+    return Places(*(np.ascontiguousarray(column) for column in columns))
+
+
+def resolvable_samples(places: Places, eyes_m: Floats, tan_angle: Floats) -> Floats:
+    """Samples that the eyes could resolve; where several look, the finest demand counts, place by place.
+
+    Parameters
+    ----------
+    places
+        Where to evaluate; see `places_of`.
+    eyes_m
+        Shape (E, 3).
+    tan_angle
+        Tangents of the eyes' acuities, shape (A, E): several sets of acuities at once.
+
+    Returns
+    -------
+    Samples for each set of acuities, shape (A,).
+    """
+    out = np.zeros(len(tan_angle))
+    _sum(*places, np.ascontiguousarray(eyes_m), 1 / np.square(tan_angle), out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _sum(
+    position: Floats, normal: Floats, area: Floats, most: Floats, eyes: Floats, per_tan2: Floats, out: Floats
+) -> None:
+    seen = np.empty(len(eyes))
+    for q in range(len(area)):
+        for k in range(len(eyes)):
+            x = eyes[k, 0] - position[q, 0]
+            y = eyes[k, 1] - position[q, 1]
+            z = eyes[k, 2] - position[q, 2]
+            square = max(x * x + y * y + z * z, 1e-12)
+            height = max(0.0, x * normal[q, 0] + y * normal[q, 1] + z * normal[q, 2])
+            seen[k] = height / (square * math.sqrt(square))
+        for a in range(len(out)):
+            demand = 0.0
+            for k in range(len(eyes)):
+                demand = max(demand, seen[k] * per_tan2[a, k])
+            out[a] += min(demand, most[q]) * area[q]

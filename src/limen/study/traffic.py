@@ -1,0 +1,287 @@
+"""What would have to move: pages per frame of a session, policy by policy, with nothing kept between frames.
+
+References
+----------
+Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, section 6.3: invalidating the page cache every
+frame stands for images that change all the time; 9 kB a page and 30 frames a second turn pages into bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.pages import PAGE, Pyramid
+from limen.display.display import Display
+from limen.errors import InputError
+from limen.geometry import Floats, Vec3
+from limen.placement import OnShape, OnSurface, one_to_one_size_px
+from limen.select.image import View, select, view_of
+from limen.study.resolvable import places_of, resolvable_samples
+from limen.tolerance import POLICIES, Policy, Tolerance, tolerance_of
+from limen.track.session import Session
+from limen.vision.acuity import HUMAN_ARCMIN, acuity_from
+
+__all__ = [
+    "FRAMES_PER_S",
+    "PAPER_PAGE_BYTES",
+    "Counts",
+    "Report",
+    "Row",
+    "SessionTraffic",
+    "Traffic",
+    "count_traffic",
+    "frames_of",
+    "one_to_one_view",
+    "policies_of",
+]
+
+PAPER_PAGE_BYTES = 9_000.0
+FRAMES_PER_S = 30.0
+"""The display's rate that bytes per second are stated at, as in the paper."""
+
+_FULL = Policy("full")
+
+
+class Row(msgspec.Struct, frozen=True):
+    """One policy in one session."""
+
+    policy: str
+    acuity_arcmin: float | None
+    """``None`` for ``full``, which asks nobody's eyes."""
+    pages_mean: float
+    pages_p99: float
+    pages_max: int
+    bytes_mean: float
+    bytes_per_s: float
+    """At 30 frames a second, whatever rate was sampled."""
+    saving: float
+    """Share of the pages of ``full`` that need not move, 0 to 1."""
+    texels_over_floor: float
+    """Texels moved over the samples that an eye of this acuity (``full``: the human one) could resolve."""
+
+
+class SessionTraffic(msgspec.Struct, frozen=True):
+    """One session: all its policies."""
+
+    name: str
+    frames: int
+    duration_s: float
+    viewers: int
+    rows: list[Row]
+    floor_samples_mean: float
+    """Samples a frame that human eyes could resolve (0.64 arcmin, or a viewer's own acuity)."""
+
+
+class Traffic(msgspec.Struct, frozen=True):
+    """What ``limen traffic --json`` prints."""
+
+    content: str
+    display: str
+    panels: int
+    total_px: int
+    image_px: tuple[int, int]
+    rate_hz: float
+    page_bytes: float
+    per_node: bool
+    sessions: list[SessionTraffic]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Counts:
+    """One session, frame by frame.
+
+    Parameters
+    ----------
+    pages
+        Distinct pages, a row for each policy: shape (K, F).
+    full_pages
+        Those of the policy ``full``, shape (F,), for the saving.
+    floor_samples
+        Resolvable samples for each policy's own acuity, shape (K, F).
+    human_samples
+        Resolvable samples for human eyes, shape (F,).
+    """
+
+    session: str
+    duration_s: float
+    viewers: int
+    time_s: Floats
+    policies: tuple[Policy, ...]
+    pages: NDArray[np.int64]
+    full_pages: NDArray[np.int64]
+    floor_samples: Floats
+    human_samples: Floats
+
+    def summary(self, page_bytes: float) -> SessionTraffic:
+        rows = [self._row(number, page_bytes) for number in range(len(self.policies))]
+        floor = float(self.human_samples.mean())
+        return SessionTraffic(self.session, len(self.time_s), self.duration_s, self.viewers, rows, floor)
+
+    def _row(self, number: int, page_bytes: float) -> Row:
+        policy, pages = self.policies[number], self.pages[number]
+        mean = float(pages.mean())
+        full, floor = float(self.full_pages.mean()), float(self.floor_samples[number].mean())
+        return Row(
+            policy=policy.name,
+            acuity_arcmin=None if policy.name == "full" else policy.acuity_arcmin,
+            pages_mean=mean,
+            pages_p99=float(np.percentile(pages, 99)),
+            pages_max=int(pages.max()),
+            bytes_mean=mean * page_bytes,
+            bytes_per_s=mean * page_bytes * FRAMES_PER_S,
+            saving=1 - mean / full if full else 0.0,
+            texels_over_floor=mean * PAGE**2 / floor if floor else 0.0,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report:
+    """The counts of several sessions over one view, for the table, the JSON and the plot."""
+
+    content: str
+    view: View
+    rate_hz: float
+    page_bytes: float
+    per_node: bool
+    counts: tuple[Counts, ...]
+
+    def summary(self) -> Traffic:
+        display = self.view.display
+        sessions = [counts.summary(self.page_bytes) for counts in self.counts]
+        return Traffic(
+            self.content,
+            display.name,
+            len(display.panels),
+            display.total_px,
+            self.view.pyramid.size_px,
+            self.rate_hz,
+            self.page_bytes,
+            self.per_node,
+            sessions,
+        )
+
+
+def one_to_one_view(display: Display) -> View:
+    """A virtual image with a texel on every pixel of a display's whole unrolled surface."""
+    return view_of(display, Pyramid.of(one_to_one_size_px(display)), OnSurface("one-to-one"))
+
+
+def policies_of(names: Iterable[str], acuities: Iterable[str | float]) -> tuple[Policy, ...]:
+    """Policies by name; one that depends on the viewers' acuity appears once for each acuity.
+
+    Raises
+    ------
+    InputError
+        If a policy or an acuity is unknown or impossible, or there is none.
+    """
+    values = [acuity_from(acuity) for acuity in acuities]
+    found: list[Policy] = []
+    for name in names:
+        if name in POLICIES and name != "full":
+            found += [Policy.parse(name, value) for value in values]
+        else:
+            found.append(Policy.parse(name))
+    if not found:
+        raise InputError("no policy to count: give --policy, and --acuity-arcmin for those that need it")
+    return tuple(dict.fromkeys(found))
+
+
+def frames_of(sessions: Iterable[Session], rate_hz: float) -> int:
+    """How many frames `count_traffic` will go through."""
+    return sum(len(session.times_s(rate_hz)) for session in sessions)
+
+
+def count_traffic(
+    view: View,
+    session: Session,
+    policies: Sequence[Policy],
+    *,
+    rate_hz: float = FRAMES_PER_S,
+    per_node: bool = False,
+    advance: Callable[[], None] | None = None,
+) -> Counts:
+    """Distinct pages that every frame of a session needs, as if no page were left from the frame before.
+
+    Parameters
+    ----------
+    view
+        The image on the panels that count.
+    session
+        Who walks where.
+    policies
+        Each gets a row.
+    rate_hz
+        Frames a second to look at.
+    per_node
+        A page that several nodes show counts once for each, as it does when every node fetches for itself.
+    advance
+        Called after every frame.
+
+    Raises
+    ------
+    InputError
+        If pages are to be counted per node for an image on a shape.
+    """
+    if per_node and not isinstance(view.placement, OnSurface):
+        raise InputError("pages can be counted per node for an image on the display's surface only")
+    count = _Counter(view, per_node)
+    places = places_of(view)
+    acuities = np.array([_floor_arcmin(policy) for policy in policies] + [HUMAN_ARCMIN])
+    frames = list(session.frames(rate_hz))
+    pages = np.empty((len(policies), len(frames)), dtype=np.int64)
+    full = np.empty(len(frames), dtype=np.int64)
+    floor = np.empty((len(acuities), len(frames)))
+    for number, frame in enumerate(frames):
+        eye = frame.viewers[0].position_m
+        full[number] = count.full(eye)
+        for row, policy in enumerate(policies):
+            asks = policy.name != "full"
+            pages[row, number] = count(tolerance_of(frame.viewers, policy), eye) if asks else full[number]
+        tolerances = [tolerance_of(frame.viewers, Policy("acuity", float(acuity))) for acuity in acuities]
+        tangents = np.stack([tolerance.tan_angle for tolerance in tolerances])
+        floor[:, number] = resolvable_samples(places, tolerances[0].eyes_m, tangents)
+        if advance is not None:
+            advance()
+    return Counts(
+        session=session.name,
+        duration_s=session.duration_s,
+        viewers=len(session.tracks),
+        time_s=session.times_s(rate_hz),
+        policies=tuple(policies),
+        pages=pages,
+        full_pages=full,
+        floor_samples=floor[:-1],
+        human_samples=floor[-1],
+    )
+
+
+def _floor_arcmin(policy: Policy) -> float:
+    return HUMAN_ARCMIN if policy.name == "full" else policy.acuity_arcmin
+
+
+class _Counter:
+    """Counts the pages of one view; remembers those of ``full`` where they depend on nobody."""
+
+    def __init__(self, view: View, per_node: bool) -> None:
+        self._view = view
+        names = {name: number for number, name in enumerate(view.display.nodes)}
+        nodes = np.array([names[panel.node] for panel in view.display.panels])
+        self._nodes = nodes if per_node else None
+        self._steady = not (isinstance(view.placement, OnShape) and view.placement.eye_m is None)
+        self._full: int | None = None
+
+    def __call__(self, tolerance: Tolerance, eye_m: Vec3) -> int:
+        cut = select(self._view, tolerance, eye_m=eye_m)
+        if self._nodes is None:
+            return len(cut)
+        return len(np.unique(self._nodes[cut.pair_panel] * self._view.pyramid.page_count + cut.pair_page))
+
+    def full(self, eye_m: Vec3) -> int:
+        if self._full is None or not self._steady:
+            self._full = self(tolerance_of((), _FULL), eye_m)
+        return self._full

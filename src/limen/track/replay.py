@@ -1,0 +1,237 @@
+"""Session files: CSV with one commented header line; see docs/sessions.md.
+
+::
+
+    # limen session 1: {"name": "A", "display": "reality-deck", "rate_hz": 120}
+    time_s,viewer,x_m,y_m,z_m,direction_x,direction_y,direction_z
+    0.0,v1,2.184706,1.7,-1.91234,0.6,0.0,-0.8
+
+A person can read it, a spreadsheet too, and pandas with ``read_csv(path, comment="#")``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from limen.errors import MissingFileError, SessionError, StorageError
+from limen.track.session import Session, Track, find_fault
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from limen.geometry import Floats
+
+__all__ = ["VERSION", "read_session", "session_text", "write_atomically", "write_session"]
+
+VERSION = 1
+_MARK = "# limen session "
+_REQUIRED = ("time_s", "viewer", "x_m", "y_m", "z_m", "direction_x", "direction_y", "direction_z")
+_GAZE = ("gaze_x", "gaze_y", "gaze_z")
+_ACUITY = "acuity_arcmin"
+_EXAMPLE = f'{_MARK}{VERSION}: {{"name": "A", "display": "reality-deck", "rate_hz": 120}}'
+
+
+class _Header(msgspec.Struct):
+    """What the first line holds after the version."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    display: str
+    rate_hz: Annotated[float, Meta(gt=0, le=100_000)]
+
+
+def write_session(path: str | Path, session: Session) -> None:
+    """Write a session that `read_session` reads back exactly.
+
+    Raises
+    ------
+    StorageError
+        If the file cannot be written; what was there before stays.
+    """
+    write_atomically(Path(path), session_text(session).encode())
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write beside, then rename: nobody ever sees half a file.
+
+    Raises
+    ------
+    StorageError
+        If the disk refuses.
+    """
+    beside = ""
+    try:
+        descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(beside, 0o666 & ~umask)  # noqa: PTH101 - mkstemp makes files that only their owner may read
+        os.replace(beside, path)  # noqa: PTH105
+        beside = ""
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        if beside:
+            with contextlib.suppress(OSError):
+                Path(beside).unlink()
+
+
+def session_text(session: Session) -> str:
+    """The content of a session's file; the same session gives the same bytes."""
+    header = _Header(session.name, session.display, session.rate_hz)
+    gaze = any(track.gaze is not None for track in session.tracks)
+    acuity = any(track.acuity_arcmin is not None for track in session.tracks)
+    columns = (*_REQUIRED, *(_GAZE if gaze else ()), *((_ACUITY,) if acuity else ()))
+    rows = [row for track in session.tracks for row in _rows(track, gaze, acuity)]
+    rows.sort(key=lambda row: float(row[0]))  # stable: viewers of one instant stay in their order
+    out = io.StringIO()
+    out.write(f"{_MARK}{VERSION}: {msgspec.json.encode(header).decode()}\n")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return out.getvalue()
+
+
+def _rows(track: Track, gaze: bool, acuity: bool) -> Iterable[list[str]]:
+    count = len(track.time_s)
+    parts = [track.position_m, track.direction]
+    if gaze:
+        parts.append(np.full((count, 3), np.nan) if track.gaze is None else track.gaze)
+    if acuity:
+        parts.append((np.full(count, np.nan) if track.acuity_arcmin is None else track.acuity_arcmin)[:, None])
+    # Adding zero turns -0.0 into 0.0; repr is the shortest text that reads back to the same number.
+    for time_s, numbers in zip(track.time_s.tolist(), (np.hstack(parts) + 0.0).tolist(), strict=True):
+        yield [repr(time_s), track.viewer, *("" if number != number else repr(number) for number in numbers)]
+
+
+def read_session(path: str | Path) -> Session:
+    """Read a session file.
+
+    Raises
+    ------
+    MissingFileError
+        If the file does not exist.
+    SessionError
+        If the file is not a session or a sample cannot be used; the message names line, field and cure.
+    """
+    path = Path(path)
+    lines = _text(path).splitlines()
+    header = _header(path, lines)
+    places, start = _columns(path, lines)
+    samples: dict[str, list[list[float]]] = {}
+    numbers: dict[str, list[int]] = {}  # the line of every sample
+    for number, line in enumerate(lines[start:], start + 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        cells = next(csv.reader([line]))
+        if len(cells) != len(places):
+            raise SessionError(f"{path}:{number}: {len(cells)} cells for {len(places)} columns; is the line cut off?")
+        viewer = cells[places.index("viewer")].strip()
+        samples.setdefault(viewer, []).append(_numbers(path, number, places, cells))
+        numbers.setdefault(viewer, []).append(number)
+    if not samples:
+        raise SessionError(
+            f"{path}:{len(lines)}: no samples; a session needs at least one line below the columns' names"
+        )
+    wanted = [name for name in places if name != "viewer"]
+    tracks = (_track(path, viewer, wanted, np.array(rows), numbers[viewer]) for viewer, rows in samples.items())
+    return Session(header.name, header.display, header.rate_hz, tuple(tracks))
+
+
+def _text(path: Path) -> str:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise MissingFileError(
+            f"{path}: no such session file; `limen walk --display D --seconds S {path}` makes one"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SessionError(f"{path}: cannot be read as a text file: {error}") from None
+    if not text.strip():
+        raise SessionError(f"{path}:1: the file is empty; its first line should look like: {_EXAMPLE}")
+    return text
+
+
+def _header(path: Path, lines: list[str]) -> _Header:
+    first = lines[0]
+    version, colon, settings = first.removeprefix(_MARK).partition(":")
+    if not first.startswith(_MARK) or not colon:
+        raise SessionError(f"{path}:1: not a session file; its first line should look like: {_EXAMPLE}")
+    if version.strip() != str(VERSION):
+        raise SessionError(f"{path}:1: version '{version.strip()}' of the format; this limen reads version {VERSION}")
+    try:
+        return msgspec.json.decode(settings, type=_Header)
+    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+        raise SessionError(f"{path}:1: header: {error}; the line should look like: {_EXAMPLE}") from None
+
+
+def _columns(path: Path, lines: list[str]) -> tuple[list[str], int]:
+    """Names of the columns, and the number of lines up to and with theirs."""
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip() or line.startswith("#"):
+            continue
+        names = [name.strip() for name in next(csv.reader([line]))]
+        known = {*_REQUIRED, *_GAZE, _ACUITY}
+        missing = [name for name in _REQUIRED if name not in names]
+        missing += [name for name in _GAZE if name not in names and set(names) & set(_GAZE)]
+        unknown = [name for name in names if name not in known or names.count(name) > 1]
+        if missing:
+            raise SessionError(
+                f"{path}:{number}: column {missing[0]} is missing; the columns are {','.join(_REQUIRED)}"
+            )
+        if unknown:
+            raise SessionError(
+                f"{path}:{number}: column '{unknown[0]}' is unknown or there twice; "
+                f"optional are {','.join((*_GAZE, _ACUITY))}"
+            )
+        return names, number
+    raise SessionError(
+        f"{path}:{len(lines)}: nothing below the first line; add the columns {','.join(_REQUIRED)} and a line a sample"
+    )
+
+
+def _numbers(path: Path, line: int, names: Sequence[str], cells: Sequence[str]) -> list[float]:
+    values: list[float] = []
+    for name, cell in zip(names, cells, strict=True):
+        if name == "viewer":
+            continue
+        text = cell.strip()
+        if not text and (name in _GAZE or name == _ACUITY):
+            values.append(np.nan)
+            continue
+        try:
+            values.append(float(text))
+        except ValueError:
+            raise SessionError(
+                f"{path}:{line}: {name} is '{text}', which is not a number; use a point for decimals"
+            ) from None
+        if not np.isfinite(values[-1]):
+            raise SessionError(f"{path}:{line}: {name} is '{text}'; drop samples where the tracker lost the viewer")
+    return values
+
+
+def _track(path: Path, viewer: str, names: list[str], values: Floats, lines: list[int]) -> Track:
+    def column(*wanted: str) -> Floats:
+        return values[:, [names.index(name) for name in wanted]]
+
+    time_s = column("time_s")[:, 0]
+    position, direction = column("x_m", "y_m", "z_m"), column("direction_x", "direction_y", "direction_z")
+    gaze = column(*_GAZE) if _GAZE[0] in names else None
+    acuity = column(_ACUITY)[:, 0] if _ACUITY in names else None
+    fault = find_fault(time_s, position, direction, gaze, acuity)
+    if fault is not None:
+        who = f" of viewer '{viewer}'" if viewer else ""
+        raise SessionError(f"{path}:{lines[fault.sample]}: {fault.field}{who} {fault.message}")
+    gaze = None if gaze is None or np.isnan(gaze).all() else gaze
+    acuity = None if acuity is None or np.isnan(acuity).all() else acuity
+    return Track(viewer, time_s, position, direction, gaze, acuity)
