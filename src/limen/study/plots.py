@@ -128,6 +128,7 @@ def _strip(axes: Axes, counts: Counts, page_bytes: float, limits: tuple[float, f
         labels.append((row.pages_mean, _label(row), colour))
     floor = counts.human_samples / PAGE**2
     axes.plot(counts.time_s, np.maximum(floor, 1e-3), color=_GREY, linewidth=1.2, linestyle=(0, (2.2, 1.4)))
+    axes.fill_between(counts.time_s, limits[0], np.maximum(floor, limits[0]), color="#efefef", linewidth=0)
     labels.append((float(floor.mean()), f"floor  {floor.mean():,.0f}  human eyes", _GREY))
     _end_labels(axes, labels, limits)
 

@@ -46,7 +46,7 @@ PAPER_PAGE_BYTES = 9_000.0
 FRAMES_PER_S = 30.0
 """The display's rate that bytes per second are stated at, as in the paper."""
 
-_FULL = Policy("full")
+_FULL = Policy.parse("full")
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -270,8 +270,10 @@ class _Look:
     def __init__(self, view: View, policies: Sequence[Policy], per_node: bool) -> None:
         self._view, self._policies = view, policies
         self._places = places_of(view)
-        self._eyesight = [Policy("acuity", _floor_arcmin(policy)) for policy in policies]
-        self._eyesight.append(Policy("acuity", HUMAN_ARCMIN))
+        self._eyesight = [Policy("acuity", arcmin) for arcmin in (*map(_floor_arcmin, policies), HUMAN_ARCMIN)]
+        self._distinct = tuple(
+            dict.fromkeys(policy for policy in (*policies, *self._eyesight) if policy.name != "full")
+        )
         names = {name: number for number, name in enumerate(view.display.nodes)}
         nodes = np.array([names[panel.node] for panel in view.display.panels])
         self._nodes = nodes if per_node else None
@@ -282,13 +284,12 @@ class _Look:
     def __call__(self, frame: Frame) -> tuple[list[int], int, Floats]:
         eye = frame.viewers[0].position_m
         full = self._pages(tolerance_of((), _FULL), eye) if self._full is None else self._full
-        pages = [
-            full if policy.name == "full" else self._pages(tolerance_of(frame.viewers, policy), eye)
-            for policy in self._policies
-        ]
-        tolerances = [tolerance_of(frame.viewers, policy) for policy in self._eyesight]
-        tangents = np.stack([tolerance.tan_angle for tolerance in tolerances])
-        return pages, full, resolvable_samples(self._places, tolerances[0].eyes_m, tangents)
+        allows = {policy: tolerance_of(frame.viewers, policy) for policy in self._distinct}
+        pages = [full if policy.name == "full" else self._pages(allows[policy], eye) for policy in self._policies]
+        tangents = np.stack([tolerance.tan_angle for tolerance in allows.values()])
+        samples = resolvable_samples(self._places, next(iter(allows.values())).eyes_m, tangents)
+        floor = dict(zip(self._distinct, samples, strict=True))
+        return pages, full, np.array([floor[policy] for policy in self._eyesight])
 
     def _pages(self, tolerance: Tolerance, eye_m: Vec3 | None) -> int:
         cut = select(self._view, tolerance, eye_m=eye_m)
