@@ -27,8 +27,8 @@ from limen.select.cut import Cut
 from limen.select.image import View, select, view_of
 from limen.stream import Drawable, Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
-from limen.vision.acuity import HUMAN_ARCMIN
 from limen.viewer import Viewer
+from limen.vision.acuity import HUMAN_ARCMIN
 
 __all__ = ["GPU_BYTES", "FrameReport", "Renderer", "render"]
 
@@ -228,7 +228,11 @@ class Renderer:
             self._stream.wait()
 
     def _drawable(self, cut: Cut) -> Drawable:
-        return self._stream.all_drawable() if isinstance(self.view.placement, OnShape) else self._stream.drawable(cut.pair_page)
+        return (
+            self._stream.all_drawable()
+            if isinstance(self.view.placement, OnShape)
+            else self._stream.drawable(cut.pair_page)
+        )
 
 
 def render(

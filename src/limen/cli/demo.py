@@ -33,10 +33,7 @@ def demo(
     fit: FitOption = "contain",
     common: Common = DEFAULT,
 ) -> None:
-    """Walk a visitor through the Reality Deck and write an illustrated report.
-
-    Example: limen demo --content panorama.jpg --out report
-    """
+    """Walk a visitor through the Reality Deck and write an illustrated report."""
     output = Output(common)
     result = run_demo(content, out, output.progress, OnSurface(fit))
     own, paper = (report.summary() for report in result.traffic)

@@ -39,8 +39,6 @@ def traffic(
 ) -> None:
     """Count the pages that every frame of a session needs, policy by policy, with nothing kept between frames.
 
-    Example: limen traffic one-to-one --display reality-deck --panels 'front/*' 'left/*' 'right/*' --session A B C
-
     Parameters
     ----------
     content
@@ -95,7 +93,7 @@ def traffic(
 def _view(content: str, display: Display, fit: str) -> tuple[View, float]:
     from limen.placement import OnSurface
     from limen.select.image import view_of
-    from limen.study.traffic import PAPER_PAGE_BYTES, one_to_one_view
+    from limen.study.traffic import PAPER_PAGE_BYTES, one_to_one_view, page_bytes_of
 
     if content == ONE_TO_ONE:
         return one_to_one_view(display), PAPER_PAGE_BYTES
@@ -103,7 +101,7 @@ def _view(content: str, display: Display, fit: str) -> tuple[View, float]:
     image: Any = _open(content)
     if not hasattr(image, "pyramid"):
         raise InputError(f"{content}: traffic counts the pages of images, and this is none")
-    return view_of(display, image.pyramid, placement), float(image.mean_page_bytes)
+    return view_of(display, image.pyramid, placement), page_bytes_of(image)
 
 
 def _open(path: str) -> Any:

@@ -7,7 +7,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -25,13 +25,13 @@ from limen.frame import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.placement import OnSurface
-from limen.present.file import write_atomically, write_picture
+from limen.present.file import write_bytes, write_picture
 from limen.present.room import draw_room, draw_surface
 from limen.select.image import levels_at, select, view_of
 from limen.study.moments import Moment, level_tints, telling_moments
 from limen.study.plots import traffic_picture
 from limen.study.report import Crop, Scene, Story, write_report
-from limen.study.traffic import Report, count_traffic, one_to_one_view, policies_of
+from limen.study.traffic import Report, count_traffic, one_to_one_view, page_bytes_of, policies_of
 from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Session
 from limen.track.walk import session_named
@@ -51,12 +51,7 @@ _CROP_PX = (560, 315)
 class Watch(Protocol):
     """How a person follows: ``with watch("drawing", total) as step: step(1)``."""
 
-    def __call__(self, what: str, total: float | None = None) -> _Step: ...
-
-
-class _Step(Protocol):
-    def __enter__(self) -> Callable[[float], None]: ...
-    def __exit__(self, *details: object) -> object: ...
+    def __call__(self, what: str, total: float | None = None) -> AbstractContextManager[Callable[[float], None]]: ...
 
 
 @dataclass(frozen=True)
@@ -70,7 +65,7 @@ class DemoResult:
 
 
 def cache_folder() -> Path:
-    """Where what can be made again is kept: ``$XDG_CACHE_HOME/limen``, or a temporary folder if that is not to be had."""
+    """Where what can be made again is kept: ``$XDG_CACHE_HOME/limen``, or else a temporary folder."""
     base = os.environ.get("XDG_CACHE_HOME")
     wanted = Path(base) / "limen" if base else Path("~/.cache/limen").expanduser()
     try:
@@ -115,11 +110,8 @@ def run_demo(content: Path | None, out: Path, watch: Watch, placement: OnSurface
             scenes=scenes, crops=crops, film=film, reports=reports, plots=plots, seconds=time.perf_counter() - begin,
         )  # fmt: skip
         report = write_report(out / "report.html", story)
-    pictures = tour.written + [
-        write_atomically(out / "walk.webp", lambda file: file.write(film)),
-        write_atomically(out / "traffic.svg", lambda file: file.write(plots[0])),
-        write_atomically(out / "traffic-one-to-one.svg", lambda file: file.write(plots[1])),
-    ]
+    extras = {"walk.webp": film, "traffic.svg": plots[0], "traffic-one-to-one.svg": plots[1]}
+    pictures = [*tour.written, *(write_bytes(out / name, content) for name, content in extras.items())]
     return DemoResult(report, pictures, reports, time.perf_counter() - begin)
 
 
@@ -158,7 +150,9 @@ class _Tour:
         for name, picture in zip(names, pictures, strict=True):
             self.written.append(write_picture(self.out / f"{number}-{name}.jpg", picture))
         cut = select(self.view, tolerance)
-        return Scene(moment, *pictures, level_share=counts / max(counts.sum(), 1), pages=len(cut), full_pages=self.full_pages)
+        return Scene(
+            moment, *pictures, level_share=counts / max(counts.sum(), 1), pages=len(cut), full_pages=self.full_pages
+        )
 
     def crops(self, scene: Scene, watch: Watch) -> list[Crop]:
         """A near and a far panel pixel by pixel: all detail, what was drawn, and both as the eye resolves them."""
@@ -184,16 +178,20 @@ class _Tour:
                 viewers = self.session.at(float(time_s))
                 tints, _ = level_tints(self.view, tolerance_of(viewers, self.policy), (16, 9))
                 tinted = {name: _tinted(self._previews[name], tint) for name, tint in tints.items()}
-                frames.append(Picture.fromarray(draw_room(self.display, pictures=tinted, viewers=viewers, size_px=_FILM_SIZE)))
+                frames.append(
+                    Picture.fromarray(draw_room(self.display, pictures=tinted, viewers=viewers, size_px=_FILM_SIZE))
+                )
                 step(1)
         file = io.BytesIO()
-        frames[0].save(file, "WEBP", save_all=True, append_images=frames[1:], duration=_FILM_MS, loop=0, quality=72, method=2)
+        frames[0].save(
+            file, "WEBP", save_all=True, append_images=frames[1:], duration=_FILM_MS, loop=0, quality=72, method=2
+        )
         return file.getvalue()
 
     def traffic(self, watch: Watch) -> Report:
         """What this walk over this image would move, frame by frame."""
         policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"])
-        page_bytes = self.image.mean_page_bytes or 0.0
+        page_bytes = page_bytes_of(self.image)
         with watch("counting pages of the walk", len(self.session.times_s(30.0))) as step:
             counts = count_traffic(self.view, self.session, policies, advance=lambda: step(1))
         return Report(self.image.path.name, self.view, 30.0, page_bytes, False, (counts,))
@@ -217,7 +215,7 @@ class _Tour:
 
     def _crop(self, index: int, scene: Scene, distance_m: float) -> Crop:
         panel = self.display.panels[index]
-        pictures = []
+        pictures: list[tuple[Rgb, tuple[int, int]]] = []
         with Renderer(self._device, self.display.part([index]), self.image, self.placement) as renderer:
             for policy in (Policy("full"), self.policy):
                 _, picture, _ = next(iter(renderer.pictures(scene.moment.viewers, policy)))
@@ -239,8 +237,12 @@ def _papers_traffic(watch: Watch) -> Report:
     policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"])
     sessions = [session_named(name, display) for name in "ABC"]
     rate_hz = 10.0
-    with watch("counting pages of the paper's three walks", sum(len(walk.times_s(rate_hz)) for walk in sessions)) as step:
-        counts = tuple(count_traffic(view, walk, policies, rate_hz=rate_hz, advance=lambda: step(1)) for walk in sessions)
+    with watch(
+        "counting pages of the paper's three walks", sum(len(walk.times_s(rate_hz)) for walk in sessions)
+    ) as step:
+        counts = tuple(
+            count_traffic(view, walk, policies, rate_hz=rate_hz, advance=lambda: step(1)) for walk in sessions
+        )
     return Report("one-to-one", view, rate_hz, 9000.0, False, counts)
 
 
@@ -297,7 +299,7 @@ def _tinted(picture: Rgb, tint: Rgb) -> Rgb:
     """The picture in grey, coloured by the level."""
     large = np.asarray(Picture.fromarray(tint).resize((picture.shape[1], picture.shape[0]), Picture.Resampling.NEAREST))
     grey = picture.astype(float).mean(axis=2, keepdims=True) / 255
-    return (large * (0.45 + 0.55 * grey)).astype(np.uint8)
+    return np.asarray(large * (0.4 + 0.6 * grey), dtype=np.uint8)
 
 
 def _busiest(picture: Rgb, size_px: tuple[int, int], at: tuple[int, int] | None) -> tuple[Rgb, tuple[int, int]]:
@@ -309,7 +311,10 @@ def _busiest(picture: Rgb, size_px: tuple[int, int], at: tuple[int, int] | None)
             for y in range(0, max(1, picture.shape[0] - height + 1), height // 2)
             for x in range(0, max(1, picture.shape[1] - width + 1), width // 2)
         ]
-        at = max(places, key=lambda place: float(np.abs(np.diff(_part(picture, place, size_px).astype(float), axis=1)).mean()))
+        at = max(
+            places,
+            key=lambda place: float(np.abs(np.diff(_part(picture, place, size_px).astype(float), axis=1)).mean()),
+        )
     return _part(picture, at, size_px).copy(), at
 
 
@@ -329,4 +334,4 @@ def _as_resolved(picture: Rgb, resolved_px: float) -> Rgb:
         plane = Picture.fromarray(channel.astype(np.float32))
         again = plane.resize(small, Picture.Resampling.LANCZOS).resize((width, height), Picture.Resampling.BICUBIC)
         channels.append(np.asarray(again))
-    return (np.clip(np.stack(channels, axis=2), 0, 1) ** (1 / 2.2) * 255 + 0.5).astype(np.uint8)
+    return np.asarray(np.clip(np.stack(channels, axis=2), 0, 1) ** (1 / 2.2) * 255 + 0.5, dtype=np.uint8)

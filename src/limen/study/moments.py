@@ -61,11 +61,17 @@ def telling_moments(display: Display, shown: NDArray[np.bool_], session: Session
     apart = np.linalg.norm(places - places[close], axis=1)
     other = int(np.where(elsewhere, distance, np.inf).argmin()) if elsewhere.any() else int(apart.argmax())
     middle = int(distance.argmax())
-    chosen = ((close, f"Up close, at the {grids[close]} wall"), (middle, "In the middle"), (other, f"At the {grids[other]} wall"))
+    chosen = (
+        (close, f"Up close, at the {grids[close]} wall"),
+        (middle, "In the middle"),
+        (other, f"At the {grids[other]} wall"),
+    )
     return [Moment(title, viewers[at], int(nearest[at]), float(distance[at])) for at, title in chosen]
 
 
-def level_tints(view: View, tolerance: Tolerance, cells: tuple[int, int]) -> tuple[dict[str, NDArray[np.uint8]], NDArray[np.int64]]:
+def level_tints(
+    view: View, tolerance: Tolerance, cells: tuple[int, int]
+) -> tuple[dict[str, NDArray[np.uint8]], NDArray[np.int64]]:
     """The colour of the level drawn, for ``cells`` columns and rows of every panel, and how often each level is drawn.
 
     Returns

@@ -21,10 +21,11 @@ from limen.display.display import Display
 from limen.draw.records import level_colours
 from limen.geometry import Floats
 from limen.placement import OnSurface
-from limen.present.file import write_atomically
+from limen.present.file import write_bytes
 from limen.study.moments import Moment
 from limen.study.traffic import Report, Row
 from limen.track.session import Session
+from limen.vision.acuity import HUMAN_ARCMIN
 
 __all__ = ["Crop", "Scene", "Story", "write_report"]
 
@@ -79,63 +80,86 @@ def write_report(path: Path, story: Story) -> Path:
     """Write the report; raises StorageError if the disk refuses."""
     template = Template((files("limen.study") / "report.html").read_text(encoding="utf-8"))
     text = template.substitute(_fields(story))
-    return write_atomically(path, lambda file: file.write(text.encode()))
+    return write_bytes(path, text.encode())
 
 
 def _fields(story: Story) -> dict[str, str]:
     image, display = story.image, story.display
     own, paper = (report.summary() for report in story.reports)
     rows = own.sessions[0].rows
-    full = rows[0]
-    human = next(row for row in rows if row.acuity_arcmin == 0.64)
-    width, height = image.size_px
+    human = next(row for row in rows if row.acuity_arcmin == HUMAN_ARCMIN)
     name = html.escape(image.path.name)
+    walk = html.escape(story.session.name)
     return {
         "title": f"limen: {name} on {len(display.panels)} panels",
-        "headline": f"{_giga(width * height)} on {len(display.panels)} panels, and {_percent(human.saving)} of it need not move",
-        "lead": (
-            f"A visitor walks for {story.session.duration_s:.0f} seconds through the {html.escape(display.name)}, "
-            f"{display.total_px / 1e9:.2f} gigapixels of panels on four walls. limen knows where her eyes are, and draws "
-            f"every place at the detail that she can resolve from there: {human.pages_mean:,.0f} pages a frame instead "
-            f"of {full.pages_mean:,.0f}."
-        ),
+        "headline": _headline(story, human),
+        "lead": _lead(story, rows[0], human),
         "film": _data(story.film, "image/webp"),
         "film_caption": "The first minute, sped up. Red is full resolution; each step of colour halves it.",
         "key": _key(story),
-        "tiles": _tiles(full, human),
-        "moments_text": (
-            "Each moment shows the room as it is lit, the walls unrolled (the front wall in the middle, the seam in the "
-            "middle of the back wall), and the level of the image's pyramid that every place is drawn from."
-        ),
+        "tiles": _tiles(rows[0], human),
+        "moments_text": _MOMENTS,
         "scenes": "\n".join(_scene(scene) for scene in story.scenes),
-        "crops_text": (
-            "Left: all the detail that the panel could show. Right: what was drawn for the visitor. Below, both again as "
-            "her eye resolves them from where she stands (0.64 arcminutes, the median of what people were measured to "
-            "resolve). If the upper pictures differ and the lower ones do not, the difference was not hers to see."
-        ),
+        "crops_text": _CROPS,
         "crops": "\n".join(_crop(crop) for crop in story.crops),
-        "traffic_text": (
-            f"Pages of {PAGE} x {PAGE} texels that a frame of this walk needs, with nothing kept from the frame before, as "
-            "for data that changes all the time. The floor counts the samples that eyes of that acuity could resolve at "
-            "all; texels over floor tells how far from that limit the pages are."
-        ),
-        "table": _table(own.sessions[0].rows, "walk A"),
+        "traffic_text": _TRAFFIC,
+        "table": _table(rows, "walk A"),
         "plot": _inline(story.plots[0]),
-        "plot_caption": f"Walk {html.escape(story.session.name)}, 30 frames a second; a page of this image takes {own.page_bytes / 1000:.1f} kB.",
-        "paper_text": (
-            "The test of Papadopoulos and Kaufman (2013): three synthetic walks, the front, left and right wall, an image "
-            "with one texel on every pixel, pages of 9 kB. One arcminute is the formula as printed."
-        ),
+        "plot_caption": f"Walk {walk}, 30 frames a second; a page of this image takes {own.page_bytes / 1000:.1f} kB.",
+        "paper_text": _PAPER,
         "paper_table": "".join(_table(session.rows, f"walk {html.escape(session.name)}") for session in paper.sessions),
         "paper_plot": _inline(story.plots[1]),
         "made_text": (
-            f"{name}: {width:,} x {height:,} texels, {len(image.pyramid.levels)} levels, "
+            f"{name}: {image.size_px[0]:,} x {image.size_px[1]:,} texels, {len(image.pyramid.levels)} levels, "
             f"{image.path.stat().st_size / 1e6:,.0f} MB on disk, placed with fit '{story.placement.fit}'. "
             f"Drawn by {html.escape(story.adapter)}, in {story.seconds:.0f} seconds."
         ),
         "commands": html.escape(_commands(image)),
         "footer": f"limen {version('limen')}",
-    }  # fmt: skip
+    }
+
+
+_MOMENTS = (
+    "Each moment shows the room as it is lit, the walls unrolled (the front wall in the middle, the seam in the middle of "
+    "the back wall), and the level of the image's pyramid that every place is drawn from."
+)
+_CROPS = (
+    "Left: all the detail that the panel could show. Right: what was drawn for the visitor. Below, both again as her eye "
+    f"resolves them from where she stands ({HUMAN_ARCMIN} arcminutes, the median of what people were measured to resolve). "
+    "If the upper pictures differ and the lower ones do not, the difference was not hers to see."
+)
+_TRAFFIC = (
+    f"Pages of {PAGE} x {PAGE} texels that a frame of this walk needs, with nothing kept from the frame before, as for "
+    "data that changes all the time. The floor counts the samples that eyes of that acuity could resolve at all; texels "
+    "over floor tells how far from that limit the pages are."
+)
+_PAPER = (
+    "The test of Papadopoulos and Kaufman (2013): three synthetic walks, the front, left and right wall, an image with "
+    "one texel on every pixel, pages of 9 kB. One arcminute is the formula as printed."
+)
+
+
+def _headline(story: Story, human: Row) -> str:
+    width, height = story.image.size_px
+    what = f"{_giga(width * height)} on {len(story.display.panels)} panels"
+    return f"{what}: {_percent(human.saving)} of it need not move" if human.saving >= 0.05 else what
+
+
+def _lead(story: Story, full: Row, human: Row) -> str:
+    display = story.display
+    text = (
+        f"A visitor walks for {story.session.duration_s:.0f} seconds through the {html.escape(display.name)}, "
+        f"{display.total_px / 1e9:.2f} gigapixels of panels on four walls. limen knows where her eyes are, and draws "
+        f"every place at the detail that she can resolve from there: {human.pages_mean:,.0f} pages a frame instead of "
+        f"{full.pages_mean:,.0f}."
+    )
+    texel_px = display.panels[0].pitch_m[0] * story.placement.texels_per_m(display, story.image.size_px)
+    if texel_px < 0.95:
+        text += (
+            f" The image has fewer texels than the walls have pixels (one texel covers {1 / texel_px:.1f} pixels), so "
+            "there is less to leave out than with an image that fills them."
+        )
+    return text
 
 
 def _giga(pixels: int) -> str:
@@ -169,7 +193,9 @@ def _key(story: Story) -> str:
 
 def _scene(scene: Scene) -> str:
     viewer = scene.moment.viewers[0]
-    shares = ", ".join(f"{_percent(share)} at level {level}" for level, share in enumerate(scene.level_share) if share >= 0.005)
+    shares = ", ".join(
+        f"{_percent(share)} at level {level}" for level, share in enumerate(scene.level_share) if share >= 0.005
+    )
     return f"""
 <h3>{html.escape(scene.moment.title)}</h3>
 <p class="quiet">At {viewer.time_s:.0f} s, {scene.moment.distance_m:.2f} m from the nearest panel:
@@ -181,7 +207,11 @@ def _scene(scene: Scene) -> str:
 
 def _crop(crop: Crop) -> str:
     drawn = "full resolution" if crop.level == 0 else f"level {crop.level}, one texel for {4**crop.level}"
-    merge = f"{crop.resolved_px:.1f} pixels merge into one for the eye" if crop.resolved_px > 1 else "every pixel can be seen"
+    merge = (
+        f"{crop.resolved_px:.1f} pixels merge into one for the eye"
+        if crop.resolved_px > 1
+        else "every pixel can be seen"
+    )
     pictures = (
         (crop.full, "all detail"),
         (crop.drawn, f"drawn: {drawn}"),
@@ -189,7 +219,8 @@ def _crop(crop: Crop) -> str:
         (crop.drawn_seen, "drawn, as the eye resolves it"),
     )
     figures = "".join(
-        f'<figure><img src="{_jpeg(picture)}" alt="{text}"><figcaption>{text}</figcaption></figure>' for picture, text in pictures
+        f'<figure><img src="{_jpeg(picture)}" alt="{text}"><figcaption>{text}</figcaption></figure>'
+        for picture, text in pictures
     )
     return (
         f"<h3>Panel {html.escape(crop.panel)}, {crop.distance_m:.1f} m away</h3>"

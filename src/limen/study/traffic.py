@@ -15,8 +15,10 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
+import simplejpeg
 from numpy.typing import NDArray
 
+from limen.data.image import Image
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.errors import InputError
@@ -39,6 +41,7 @@ __all__ = [
     "count_traffic",
     "frames_of",
     "one_to_one_view",
+    "page_bytes_of",
     "policies_of",
 ]
 
@@ -166,6 +169,19 @@ class Report:
             self.per_node,
             sessions,
         )
+
+
+def page_bytes_of(image: Image) -> float:
+    """Mean bytes of a stored page; of up to 64 pages as JPEG (quality 90), where the image is not stored as pages."""
+    if image.mean_page_bytes is not None:
+        return image.mean_page_bytes
+    base = image.pyramid.levels[0]
+    pages = np.unique(np.linspace(0, base.columns * base.rows - 1, 64).astype(int))
+    sizes = [
+        len(simplejpeg.encode_jpeg(image.read_page(int(page), 0)[..., :3].copy(), quality=90, colorspace="RGB"))
+        for page in pages
+    ]
+    return float(np.mean(sizes))
 
 
 def one_to_one_view(display: Display) -> View:
