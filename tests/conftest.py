@@ -16,17 +16,11 @@ _REPOSITORY = Path(__file__).resolve().parents[1]
 def data_dir() -> Path:
     """The folder of real files: ``LIMEN_DATA``, else ``../shared/data`` beside the repository."""
     named = os.environ.get("LIMEN_DATA")
-    folders = (
-        [Path(named)]
-        if named
-        else [_REPOSITORY.parent / "shared/data", _REPOSITORY.parents[1] / "shared/data"]
-    )
+    folders = [Path(named)] if named else [_REPOSITORY.parent / "shared/data", _REPOSITORY.parents[1] / "shared/data"]
     for folder in folders:
         if folder.is_dir():
             return folder
-    pytest.skip(
-        f"NO REAL DATA: set LIMEN_DATA to the folder of real files (looked in {', '.join(map(str, folders))})"
-    )
+    pytest.skip(f"NO REAL DATA: set LIMEN_DATA to the folder of real files (looked in {', '.join(map(str, folders))})")
 
 
 @pytest.fixture(scope="session")

@@ -141,7 +141,8 @@ def _texel(placement: OnShape, pyramid: Pyramid, eye_m: Any, position_m: Any) ->
         t = np.where(near > 0, near, far)
         hit = eye + t[..., None] * ray
         u = 0.5 + np.arctan2(hit[..., 0], hit[..., 2]) / math.radians(placement.turn_deg)
-        v = 0.5 + (0.5 * hit[..., 1] if placement.kind == "cylinder" else np.arcsin(np.clip(hit[..., 1], -1, 1)) / np.pi)
+        latitude = np.arcsin(np.clip(hit[..., 1], -1, 1))
+        v = 0.5 + (0.5 * hit[..., 1] if placement.kind == "cylinder" else latitude / np.pi)
     texel = np.stack([u, v], -1) * np.array(pyramid.size_px)
     return np.where((t > 0)[..., None], texel, np.nan)
 

@@ -47,8 +47,9 @@ def test_with_only_the_coarsest_page_nothing_is_black(kind: str, studio: Any, me
     top = len(image.pyramid.levels) - 1
     assert (exact[shown][:, 0] + exact[shown][:, 1] == top).all()
     # Coarse, but of the same places: block means agree.
-    blocks = [picture[:400, :600, :3].astype(float).reshape(4, 100, 6, 100, 3).mean((1, 3)) for picture in (full, coarse)]
-    assert np.abs(blocks[0] - blocks[1]).max() < 12
+    light = [(picture[..., :3] / 255.0) ** 2.2 for picture in (full, coarse)]
+    blocks = [each.reshape(4, 100, 6, 100, 3).mean((1, 3)) for each in light]
+    assert np.abs(blocks[0] - blocks[1]).max() < 0.06
 
 
 @pytest.mark.parametrize("kind", PLACEMENTS)
@@ -61,7 +62,8 @@ def test_a_broken_page_is_shown_by_its_coarser_level(
     worst = int(select(view, _FULL, eye_m=_EYE).pages[0])
     exact = studio.draw(memory_image(texels, (worst,)), display, PLACEMENTS[kind], _FULL, eye_m=_EYE, overlay="exact")
     coarser = exact["window"][..., 1]
-    assert set(np.unique(coarser)) == {0, 1}
+    # Of its ancestors, only the pinned page is there.
+    assert np.unique(coarser).tolist() == [0, len(whole.pyramid.levels) - 1]
     assert "is broken" in caplog.text
     good = studio.draw(whole, display, PLACEMENTS[kind], _FULL, eye_m=_EYE)["window"]
     seen = studio.draw(memory_image(texels, (worst,)), display, PLACEMENTS[kind], _FULL, eye_m=_EYE)["window"]

@@ -18,6 +18,7 @@ from limen.tolerance import Policy, tolerance_of
 pytestmark = pytest.mark.gpu
 
 _FULL = tolerance_of([], Policy("full"))
+_PHOTOGRAPHS = ("bluemarble_ng_5400x2700", "wise_allsky_19000x9500", "apollo_moon_pano_16810x1708")
 _PITCH_M = 0.0003
 _MARGIN_PX = 24  # pyvips and limen repeat the border's texels differently far out
 
@@ -47,13 +48,13 @@ def _synthetic() -> NDArray[np.uint8]:
 
     y, x = np.mgrid[:1020, :1240]
     rings = 0.5 + 0.35 * np.cos(0.0012 * ((x - 500.0) ** 2 + (y - 400.0) ** 2) ** 0.9)
-    bars = np.where((x // 7) % 2 == 0, 0.85, 0.15) * (y > 700) + rings * (y <= 700)
+    bars = np.where((x // 11) % 2 == 0, 0.85, 0.15) * (y > 700) + rings * (y <= 700)
     noise = np.random.default_rng(0).normal(0, 0.1, (*x.shape, 3))
-    picture = gaussian_filter(bars[..., None] + noise, (1.0, 1.0, 0))
+    picture = gaussian_filter(bars[..., None] + noise, (1.7, 1.7, 0))
     return np.asarray((picture.clip(0, 1) * 255).astype(np.uint8))
 
 
-@pytest.fixture(scope="module", params=["synthetic", "bluemarble_ng_5400x2700", "wise_allsky_19000x9500", "apollo_moon_pano_16810x1708"])
+@pytest.fixture(scope="module", params=["synthetic", *_PHOTOGRAPHS])
 def picture(request: Any) -> NDArray[np.uint8]:
     if request.param == "synthetic":
         return _synthetic()

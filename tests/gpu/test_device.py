@@ -37,7 +37,8 @@ def test_an_unknown_adapter_is_named_with_those_there_are(device: Any) -> None:
 @pytest.mark.gpu
 @pytest.mark.skipif(sys.platform != "linux", reason="hides drivers the way Linux loads them")
 def test_without_any_driver_there_is_an_exception_with_a_cure() -> None:
-    code = "from limen.gpu.device import open_device\ntry: open_device()\nexcept Exception as e: print(type(e).__name__, e)"
+    attempt = "try: open_device()\nexcept Exception as e: print(type(e).__name__, e)"
+    code = f"from limen.gpu.device import open_device\n{attempt}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, **_NOWHERE})
     assert done.returncode == 0
     assert done.stdout.startswith("NoAdapterError no graphics adapter was found: ")
