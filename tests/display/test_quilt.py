@@ -1,0 +1,69 @@
+"""Packing panels into quilts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from limen.display.display import Display
+from limen.display.panel import Panel
+from limen.display.quilt import Quilt, pack, pieces
+from limen.errors import DisplayError
+
+
+def _display(sizes: list[tuple[int, int]]) -> Display:
+    panels = [
+        Panel(f"p{n}", size, (float(n), 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.001, 0.001))
+        for n, size in enumerate(sizes)
+    ]
+    return Display("test", tuple(panels))
+
+
+sides = st.integers(1, 60)
+
+
+@given(st.lists(st.tuples(sides, sides), min_size=1, max_size=30), st.integers(60, 200), st.integers(3600, 20_000))
+def test_every_panel_once_inside_its_quilt_and_over_no_other(
+    sizes: list[tuple[int, int]], max_size_px: int, max_px: int
+) -> None:
+    display = _display(sizes)
+    quilts = pack(display, max_size_px=max_size_px, max_px=max_px)
+    assert sorted(index for quilt in quilts for index in quilt.panels) == list(range(len(sizes)))
+    for quilt in quilts:
+        width, height = quilt.size_px
+        assert max(width, height) <= max_size_px
+        assert width * height <= max_px
+        taken = np.zeros((height, width), int)
+        for index, (x, y) in zip(quilt.panels, quilt.offsets_px, strict=True):
+            w, h = sizes[index]
+            assert x + w <= width
+            assert y + h <= height
+            taken[y : y + h, x : x + w] += 1
+        assert taken.max() == 1
+
+
+def test_equal_panels_waste_less_than_a_shelf() -> None:
+    (quilt,) = pack(_display([(256, 144)] * 24))
+    assert quilt.size_px == (4 * 256, 6 * 144)
+    (quilt,) = pack(_display([(256, 144)] * 16))
+    assert quilt.size_px[0] * quilt.size_px[1] - 16 * 256 * 144 < quilt.size_px[0] * 144
+
+
+def test_chosen_panels_only() -> None:
+    (quilt,) = pack(_display([(10, 10)] * 5), panels=[1, 3])
+    assert quilt.panels == (1, 3)
+
+
+def test_a_panel_that_no_quilt_can_hold_is_named() -> None:
+    with pytest.raises(DisplayError, match="panel 'p1' has 9000 x 20 pixels; this adapter draws at most 8192 a side"):
+        pack(_display([(10, 10), (9000, 20)]))
+
+
+def test_pieces_are_the_panels_pictures() -> None:
+    display = _display([(3, 2), (2, 2)])
+    image = np.arange(2 * 5 * 4, dtype=np.uint8).reshape(2, 5, 4)
+    cut = pieces(display, Quilt((5, 2), (0, 1), ((0, 0), (3, 0))), image)
+    assert (cut["p0"] == image[:, :3]).all()
+    assert (cut["p1"] == image[:, 3:]).all()

@@ -1,0 +1,188 @@
+"""Every pixel is drawn at the level that the formula gives, wherever panels and viewers stand."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from limen.data.pages import Pyramid
+from limen.display.display import Display
+from limen.display.panel import Panel
+from limen.placement import OnShape, OnSurface
+from limen.select.image import levels_at, view_of
+from limen.tolerance import Policy, Tolerance, tolerance_of
+from limen.viewer import Viewer
+
+pytestmark = pytest.mark.gpu
+
+_FULL = tolerance_of([], Policy("full"))
+
+
+def _turned(seed: int) -> tuple[Any, Any]:
+    """A random rotation's first two rows."""
+    q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    return tuple(q[0]), tuple(q[1])
+
+
+def _wall(seed: int, panels: int = 3) -> Display:
+    """Panels of odd sizes and pitches in random places and orientations."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for number in range(panels):
+        right, down = _turned(100 * seed + number)
+        width, height = (int(side) for side in rng.integers(90, 260, 2))
+        pitch = float(rng.uniform(0.0008, 0.003))
+        made.append(
+            Panel(
+                name=f"p{number}",
+                size_px=(width, height),
+                origin_m=tuple(rng.uniform(-2, 2, 3)),
+                right=right,
+                down=down,
+                pitch_m=(pitch, pitch * 1.1),
+                surface_m=(float(number), float(rng.uniform(0, 0.3))),
+                nudge_px=(float(rng.uniform(-5, 5)), 2.5),
+            )
+        )
+    return Display("random", tuple(made))
+
+
+def _grid(panel: Panel) -> NDArray[np.float64]:
+    x, y = np.meshgrid(np.arange(panel.size_px[0]) + 0.5, np.arange(panel.size_px[1]) + 0.5)
+    return np.stack([x, y], axis=-1)
+
+
+def _undecided(panel: Panel, tolerance: Tolerance) -> NDArray[np.bool_]:
+    """Pixels whose tolerance is within 1e-4 of a power of two: rounding may decide there."""
+    allowed = tolerance.allowed_px(panel.position_m(_grid(panel)), panel.pitch_m[0])
+    nearest = np.log2(np.maximum(allowed, 1e-9))
+    return np.abs(np.exp2(nearest - np.round(nearest)) - 1) < 1e-4
+
+
+@pytest.fixture(scope="module")
+def noise(memory_image: Any) -> Any:
+    return memory_image(np.random.default_rng(5).integers(0, 256, (2100, 3300, 3), dtype=np.uint8))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_levels_follow_the_formula_on_any_panel(seed: int, studio: Any, noise: Any) -> None:
+    display = _wall(seed)
+    rng = np.random.default_rng(seed)
+    viewers = [
+        Viewer(
+            tuple(rng.uniform(-3, 3, 3)),
+            direction=tuple(rng.normal(size=3)),
+            acuity_arcmin=None if number else float(rng.uniform(1, 4)),
+        )
+        for number in range(1 + seed % 3)
+    ]
+    tolerance = tolerance_of(viewers, Policy("acuity", 2.0))
+    placement = OnSurface("cover", zoom=0.6 + 0.3 * seed)
+    view = view_of(display, noise.pyramid, placement)
+    drawn = studio.draw(noise, display, placement, tolerance, overlay="exact")
+    for index, panel in enumerate(display.panels):
+        picture = drawn[panel.name]
+        expected = levels_at(view, tolerance, index, _grid(panel))
+        sure = ~_undecided(panel, tolerance)
+        assert (picture[..., 3] > 0)[sure].tolist() == (expected >= 0)[sure].tolist()
+        shown = sure & (expected >= 0)
+        assert (picture[..., 0] == expected)[shown].all()
+        assert (picture[..., 1] == 0).all()  # nothing coarser than asked for
+        assert _undecided(panel, tolerance).mean() < 0.01
+
+
+def test_several_levels_are_tested_at_all(studio: Any, noise: Any) -> None:
+    display = _wall(2)
+    tolerance = tolerance_of([Viewer((0.0, 0.0, 0.0))], Policy("acuity", 2.0))
+    drawn = studio.draw(noise, display, OnSurface("cover"), tolerance, overlay="exact")
+    assert len({level for picture in drawn.values() for level in np.unique(picture[..., 0])}) >= 2
+
+
+def test_nobody_or_policy_full_is_the_mip_level(studio: Any, noise: Any) -> None:
+    drawn = studio.draw(noise, Display.window((300, 200)), OnSurface(), _FULL, overlay="exact")["window"]
+    assert np.unique(drawn[drawn[..., 3] > 0][:, 0]).tolist() == [3]  # 3300 / 300 = 11 texels a pixel
+
+
+def test_a_tight_budget_coarsens_every_pixel_alike(studio: Any, noise: Any) -> None:
+    display = Display.window((300, 200))
+    full = studio.draw(noise, display, OnSurface("one-to-one"), _FULL, overlay="exact")["window"]
+    tight = studio.draw(noise, display, OnSurface("one-to-one"), _FULL, overlay="exact", budget=3)["window"]
+    assert full[..., 0].max() == 0
+    assert tight[..., 0].min() == tight[..., 0].max() > 0
+
+
+SHAPES = {
+    "plane": OnShape("plane", (-3, 2.5, -4), (6, 0.0, 0.7), (0.3, -4.0, 0)),
+    "cylinder": OnShape("cylinder", (0, 0.1, 0), (0.4, 0, -5.0), (0, -6.0, 0)),
+    "part of a cylinder": OnShape("cylinder", (0, 0.1, 0), (0.4, 0, -5.0), (0, -6.0, 0), turn_deg=170),
+    "ellipsoid": OnShape("ellipsoid", (0, 0, 0), (0, 0, -5.0), (0, -4.0, 0), depth=(6.0, 0, 0)),
+}
+
+
+def _texel(placement: OnShape, pyramid: Pyramid, eye_m: Any, position_m: Any) -> Any:
+    """The definition of the three mappings, in double precision; NaN where nothing is seen."""
+    local = placement.local_from_room()
+    eye = local[:3, :3] @ np.array(eye_m) + local[:3, 3]
+    ray = position_m @ local[:3, :3].T + local[:3, 3] - eye
+    if placement.kind == "plane":
+        t = -eye[2] / ray[..., 2]
+        u, v = eye[0] + t * ray[..., 0], eye[1] + t * ray[..., 1]
+    else:
+        round_axes = np.array([1.0, placement.kind == "ellipsoid", 1.0])
+        a = (ray * ray * round_axes).sum(-1)
+        b = (ray * eye * round_axes).sum(-1)
+        root = b * b - a * ((eye * eye * round_axes).sum() - 1)
+        with np.errstate(invalid="ignore"):
+            near, far = (-b - np.sqrt(root)) / a, (-b + np.sqrt(root)) / a
+        t = np.where(near > 0, near, far)
+        hit = eye + t[..., None] * ray
+        u = 0.5 + np.arctan2(hit[..., 0], hit[..., 2]) / math.radians(placement.turn_deg)
+        latitude = np.arcsin(np.clip(hit[..., 1], -1, 1))
+        v = 0.5 + (0.5 * hit[..., 1] if placement.kind == "cylinder" else latitude / np.pi)
+    texel = np.stack([u, v], -1) * np.array(pyramid.size_px)
+    return np.where((t > 0)[..., None], texel, np.nan)
+
+
+def _bent_mip(placement: OnShape, pyramid: Pyramid, eye_m: Any, panel: Panel) -> Any:
+    """``log2 A`` of every pixel and whether it shows the image, by differences to the next pixel."""
+    grid = _grid(panel)
+    here, right, down = (
+        _texel(placement, pyramid, eye_m, panel.position_m(grid + step)) for step in ((0, 0), (1, 0), (0, 1))
+    )
+    period = pyramid.size_px[0] if placement.kind != "plane" and placement.turn_deg == 360 else np.inf
+
+    def size(step: Any) -> Any:
+        x = step[..., 0] - (np.round(step[..., 0] / period) * period if np.isfinite(period) else 0)
+        return np.hypot(x, step[..., 1])
+
+    with np.errstate(invalid="ignore"):
+        inside = ((here >= 0) & (here < np.array(pyramid.size_px))).all(-1)
+        edge = (np.abs(here - np.array(pyramid.size_px)) < 0.01).any(-1) | (np.abs(here) < 0.01).any(-1)
+        footprint = np.maximum(size(right - here), size(down - here))
+    return np.log2(np.nan_to_num(footprint, nan=1.0)) + 1e-3, inside, edge
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("viewers", [0, 2])
+def test_levels_follow_the_formula_on_shapes(shape: str, viewers: int, studio: Any, noise: Any) -> None:
+    placement = SHAPES[shape]
+    eye_m = (0.2, 0.3, -0.1)
+    display = Display.preset("cave").scaled(0.12)
+    people = [Viewer(eye_m, acuity_arcmin=30), Viewer((0.9, 0.5, 0.9), acuity_arcmin=50)][:viewers]
+    tolerance = tolerance_of(people, Policy("acuity"))
+    drawn = studio.draw(noise, display, placement, tolerance, overlay="exact", eye_m=eye_m)
+    for panel in display.panels:
+        picture = drawn[panel.name]
+        mip, inside, edge = _bent_mip(placement, noise.pyramid, eye_m, panel)
+        hidden = np.log2(np.maximum(tolerance.allowed_px(panel.position_m(_grid(panel)), panel.pitch_m[0]), 1))
+        expected = np.clip(np.floor(mip) + np.floor(hidden), 0, len(noise.pyramid.levels) - 1)
+        sure = (~inside | (np.abs(mip - np.round(mip)) > 2e-3)) & ~edge
+        sure &= ~_undecided(panel, tolerance) | (viewers == 0)
+        assert ((picture[..., 3] > 0) == inside)[sure].all()
+        assert (picture[..., 0] == expected)[sure & inside].all()
+        assert (picture[..., 1] == 0).all()
+        assert sure.mean() > 0.95

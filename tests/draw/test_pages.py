@@ -1,0 +1,173 @@
+"""Pages that are missing, broken or evicted; overlays; and what is left behind."""
+
+from __future__ import annotations
+
+import gc
+from typing import Any
+
+import numpy as np
+import pytest
+
+from limen.display.display import Display
+from limen.display.quilt import pack, pieces
+from limen.draw.feedback import Feedback
+from limen.draw.image import ImageLayer
+from limen.draw.records import level_colours
+from limen.errors import InputError
+from limen.placement import OnShape, OnSurface
+from limen.select.image import select, view_of
+from limen.tolerance import Policy, tolerance_of
+
+pytestmark = pytest.mark.gpu
+
+_FULL = tolerance_of([], Policy("full"))
+_EYE = (0.0, 0.0, 0.0)
+PLACEMENTS = {
+    "surface": OnSurface("one-to-one"),
+    "ellipsoid": OnShape("ellipsoid", (0, 0, 0), (0, 0, -5.0), (0, -4.0, 0)),
+    "plane": OnShape("plane", (-0.3, 0.3, -0.9), (0.6, 0, 0), (0, -0.6, 0)),
+}
+
+
+@pytest.fixture(scope="module")
+def texels() -> Any:
+    """Nowhere black."""
+    return np.random.default_rng(3).integers(60, 256, (1100, 1500, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("kind", PLACEMENTS)
+def test_with_only_the_coarsest_page_nothing_is_black(kind: str, studio: Any, memory_image: Any, texels: Any) -> None:
+    image, display = memory_image(texels), Display.window((600, 400))
+    full = studio.draw(image, display, PLACEMENTS[kind], _FULL, eye_m=_EYE)["window"]
+    coarse = studio.draw(image, display, PLACEMENTS[kind], _FULL, eye_m=_EYE, settle=False)["window"]
+    exact = studio.draw(image, display, PLACEMENTS[kind], _FULL, eye_m=_EYE, settle=False, overlay="exact")["window"]
+    shown = full[..., 3] > 0
+    assert ((coarse[..., 3] > 0) == shown).all()
+    assert (coarse[shown][:, :3].max(axis=1) > 40).all()
+    top = len(image.pyramid.levels) - 1
+    assert (exact[shown][:, 0] + exact[shown][:, 1] == top).all()
+    # Coarse, but of the same places: block means agree.
+    light = [(picture[..., :3] / 255.0) ** 2.2 for picture in (full, coarse)]
+    blocks = [each.reshape(4, 100, 6, 100, 3).mean((1, 3)) for each in light]
+    assert np.abs(blocks[0] - blocks[1]).max() < 0.06
+
+
+@pytest.mark.parametrize("kind", PLACEMENTS)
+def test_a_broken_page_is_shown_by_its_coarser_level(
+    kind: str, studio: Any, memory_image: Any, texels: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    display = Display.window((600, 400))
+    whole = memory_image(texels)
+    view = view_of(display, whole.pyramid, PLACEMENTS[kind])
+    worst = int(select(view, _FULL, eye_m=_EYE).pages[0])
+    exact = studio.draw(memory_image(texels, (worst,)), display, PLACEMENTS[kind], _FULL, eye_m=_EYE, overlay="exact")
+    coarser = exact["window"][..., 1]
+    # Of its ancestors, only the pinned page is there.
+    assert np.unique(coarser).tolist() == [0, len(whole.pyramid.levels) - 1]
+    assert "is broken" in caplog.text
+    good = studio.draw(whole, display, PLACEMENTS[kind], _FULL, eye_m=_EYE)["window"]
+    seen = studio.draw(memory_image(texels, (worst,)), display, PLACEMENTS[kind], _FULL, eye_m=_EYE)["window"]
+    assert (good[coarser == 0] == seen[coarser == 0]).all()
+
+
+def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: Any, texels: Any) -> None:
+    image, display = memory_image(texels), Display.window((300, 200))
+    for placement in PLACEMENTS.values():
+        view = view_of(display, image.pyramid, placement)
+        cut = select(view, _FULL, eye_m=_EYE)
+        layer = ImageLayer(studio.device, view, studio.pool)
+        with studio.stream(image) as stream:
+            drawable = stream.drawable(cut.pair_page) if view.maps is not None else stream.all_drawable()
+            texture = layer.draw(cut, drawable, _FULL, pack(display)[0], eye_m=_EYE)
+        assert (layer.read(texture) == 0).all()
+        layer.destroy()
+
+
+def test_the_overlay_tints_by_level(studio: Any, memory_image: Any) -> None:
+    grey = memory_image(np.full((2100, 3300, 3), 128, np.uint8))
+    hues = level_colours(12)
+    assert hues[0].tolist() == [1, 0, 0]
+    assert (hues[8:] == hues[8]).all()
+    for size_px, level in (((3000, 2000), 0), ((1600, 1000), 1), ((700, 500), 2)):
+        tinted = studio.draw(grey, Display.window(size_px), OnSurface(), _FULL, overlay="levels")["window"]
+        colour = tinted[size_px[1] // 2, size_px[0] // 2, :3].astype(float)
+        assert np.argsort(colour).tolist()[-1] == np.argsort(hues[level]).tolist()[-1]
+        assert colour.max() > colour.min() + 40
+
+
+def test_another_placement_on_the_same_layer(studio: Any, memory_image: Any, texels: Any) -> None:
+    image, display = memory_image(texels), Display.window((300, 200))
+    first, second = (view_of(display, image.pyramid, OnSurface("one-to-one", zoom=zoom)) for zoom in (1.0, 2.0))
+    quilt = pack(display)[0]
+    layer = ImageLayer(studio.device, first, studio.pool)
+    pictures = []
+    with studio.stream(image) as stream:
+        for view in (first, second, first):
+            layer.place(view)
+            cut = select(view, _FULL)
+            studio.settle(stream, cut)
+            pictures.append(layer.read(layer.draw(cut, stream.drawable(cut.pair_page), _FULL, quilt)))
+    assert (pictures[0] == pictures[2]).all()
+    assert (pictures[0] != pictures[1]).any()
+    with pytest.raises(ValueError, match="another layer"):
+        layer.place(view_of(display, image.pyramid, PLACEMENTS["plane"]))
+    layer.destroy()
+
+
+@pytest.mark.parametrize("texture_format", ["rgba8unorm-srgb", "bgra8unorm-srgb"])
+def test_drawing_to_a_windows_texture_is_drawing_to_the_quilts(
+    texture_format: str, studio: Any, memory_image: Any, texels: Any
+) -> None:
+    import wgpu
+
+    image, display = memory_image(texels), Display.window((256, 200))
+    expected = studio.draw(image, display, OnSurface(), _FULL)["window"]
+    view = view_of(display, image.pyramid, OnSurface())
+    cut, quilt = select(view, _FULL), pack(display)[0]
+    usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC
+    texture = studio.device.wgpu.create_texture(size=(256, 200, 1), format=texture_format, usage=usage)
+    layer = ImageLayer(studio.device, view, studio.pool)
+    with studio.stream(image) as stream:
+        studio.settle(stream, cut)
+        drawable = stream.drawable(cut.pair_page)
+        target = texture.create_view()
+        assert layer.draw(cut, drawable, _FULL, quilt, target=target, target_format=texture_format) is None
+    drawn = layer.read(texture)
+    order = [2, 1, 0, 3] if texture_format.startswith("bgra") else [0, 1, 2, 3]
+    assert (pieces(display, quilt, drawn)["window"][..., order] == expected).all()
+    layer.destroy()
+    texture.destroy()
+
+
+def test_an_image_on_a_shape_needs_an_eye(studio: Any, memory_image: Any, texels: Any) -> None:
+    image, display = memory_image(texels), Display.window((64, 64))
+    view = view_of(display, image.pyramid, PLACEMENTS["plane"])
+    cut = select(view, _FULL, eye_m=_EYE)
+    layer = ImageLayer(studio.device, view, studio.pool)
+    with studio.stream(image) as stream, pytest.raises(InputError, match="needs an eye point"):
+        layer.draw(cut, stream.all_drawable(), _FULL, pack(display)[0])
+    layer.destroy()
+
+
+def _objects() -> dict[str, int]:
+    import wgpu
+
+    gc.collect()
+    return {name: row["count"] for name, row in wgpu.diagnostics.object_counts.get_dict().items()}
+
+
+@pytest.mark.parametrize("kind", PLACEMENTS)
+def test_nothing_is_left_on_the_gpu(kind: str, studio: Any, memory_image: Any, texels: Any) -> None:
+    image, display = memory_image(texels), Display.window((300, 200))
+
+    def use() -> None:
+        for overlay in (None, "exact", "levels"):
+            studio.draw(image, display, PLACEMENTS[kind], _FULL, eye_m=_EYE, overlay=overlay)
+        feedback = Feedback(studio.device, view_of(display, image.pyramid, PLACEMENTS[kind]))
+        feedback.run(_FULL, eye_m=_EYE)
+        feedback.destroy()
+
+    use()
+    before = _objects()
+    use()
+    assert _objects() == before
