@@ -125,11 +125,9 @@ def _print(out: Output, report: Report) -> None:
         out.line(
             f"{session.name}: {session.frames:,} frames, {session.duration_s:g} s, {people}; human eyes resolve {floor}"
         )
-    out.line(
-        f"A page is 256 x 256 texels, {summary.page_bytes / 1000:.3g} kB; nothing is kept from frame to frame"
-        + (", and every node fetches for itself" if summary.per_node else "")
-        + "; MB/s at 30 frames/s;\nx floor: texels moved over what eyes of that acuity resolve."
-    )
+    fetches = "every node fetches for itself" if summary.per_node else "a page that several panels show counts once"
+    out.line(f"A page is 256 x 256 texels, {summary.page_bytes / 1000:.3g} kB; {fetches}; nothing is kept.")
+    out.line("MB/s: at 30 frames/s. x floor: texels moved over samples that eyes of that acuity resolve.")
 
 
 def _lines(session: SessionTraffic) -> list[Sequence[object]]:
