@@ -11,7 +11,7 @@ from limen.display.display import Display
 from limen.display.grid import Grid, panels_of_grid
 from limen.errors import InputError
 from limen.placement import OnShape, OnSurface
-from limen.select.image import View, view_of
+from limen.select.image import View, select, view_of
 from limen.study import traffic
 from limen.study.traffic import Report, count_traffic, one_to_one_view, policies_of
 from limen.tolerance import Policy, tolerance_of
@@ -66,6 +66,7 @@ def test_counts_equal_a_look_at_every_pixel(content: str):
             exact = len(pages_by_hand(view, viewers, policy))
             # The selector may ask for slivers whose tolerance rounds to the border of a level; never for less.
             assert exact <= pages <= exact + 2, policy
+            assert pages == len(select(view, tolerance_of(viewers, policy)))
 
 
 def test_counts_per_node_are_those_of_every_node_alone():

@@ -39,7 +39,7 @@ def traffic(
 ) -> None:
     """Count the pages that every frame of a session needs, policy by policy, with nothing kept between frames.
 
-    Example: limen traffic one-to-one --display reality-deck --panels 'front/*' 'left/*' 'right/*' --session A B C
+    Example: `limen traffic one-to-one --display reality-deck --panels 'front/*' 'left/*' 'right/*' --session A B C`
 
     Parameters
     ----------
@@ -114,7 +114,8 @@ def _open(path: str) -> Any:
 
 def _print(out: Output, report: Report) -> None:
     summary = report.summary()
-    where = f"{summary.display}, {summary.panels} panels, {summary.total_px / 1e9:.3g} gigapixels"
+    panels = "1 panel" if summary.panels == 1 else f"{summary.panels} panels"
+    where = f"{summary.display}, {panels}, {summary.total_px / 1e9:.3g} gigapixels"
     columns = ("", "policy", "pages", "99 %", "MB", "MB/s", "saved", "x floor")
     rows = [line for session in summary.sessions for line in _lines(session)]
     out.table(f"{summary.content} on {where}: a frame needs", columns, rows)
