@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from limen.data import open as open  # noqa: A004
+    from limen.data import open as open
     from limen.data.image import Image as Image
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
@@ -31,7 +31,7 @@ _HOMES = {
     "render": "limen.frame",
 }
 
-__all__ = [  # noqa: RUF022 - kept equal to the table above, which a test checks
+__all__ = [
     "Display",
     "Image",
     "LimenError",

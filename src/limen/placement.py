@@ -18,7 +18,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
 
-__all__ = ["FITS", "OnShape", "OnSurface", "Placement", "PanelMaps", "one_to_one_size_px"]
+__all__ = ["FITS", "OnShape", "OnSurface", "PanelMaps", "Placement", "one_to_one_size_px"]
 
 Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
 FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
@@ -123,7 +123,9 @@ class OnShape:
         except ValueError as error:
             raise InputError(f"placement on a {self.kind}: {error}") from None
         if not 0 < self.turn_deg <= 360:
-            raise InputError(f"placement on a {self.kind}: turn_deg must lie above 0 and at most at 360, got {self.turn_deg}")
+            raise InputError(
+                f"placement on a {self.kind}: turn_deg must lie above 0 and at most at 360, got {self.turn_deg}"
+            )
         if abs(np.linalg.det(self.frame())) < 1e-12:
             raise InputError(f"placement on a {self.kind}: across, down and depth must not lie in one plane")
 

@@ -138,14 +138,14 @@ class Stream:
         """
         begin = time.perf_counter()
         self._frame += 1
-        slots = self._slot_of[wanted]
+        slots = self._slot_of[wanted[: len(self._page_in) - 1]]  # what the pool can hold beside the pinned page
         self._last_used[slots[slots >= 0]] = self._frame
-        missing = wanted[slots < 0]
+        missing = wanted[: len(slots)][slots < 0]
         if self._slot_of[self._pinned] < 0:
             missing = np.concatenate([np.array([self._pinned]), missing[missing != self._pinned]])
         with self._lock:
             ready = self._take_decoded(missing, self._uploads_per_frame if uploads is None else uploads)
-            self._enqueue(missing)
+            self._enqueue(missing, {page for page, _ in ready})
             waiting, queued, failed = len(self._decoded), len(self._queue) + len(self._decoding), len(self._failed)
         placed = self._place(ready)
         statistics = Statistics(
@@ -227,7 +227,7 @@ class Stream:
         """Up to ``budget`` decoded pages, the most important first; what nobody wants any more is dropped."""
         if not self._decoded:
             return []
-        ready = []
+        ready: list[tuple[int, NDArray[np.uint8]]] = []
         for page in missing.tolist():
             if len(ready) == budget:
                 break
@@ -239,14 +239,14 @@ class Stream:
         self._lock.notify_all()
         return ready
 
-    def _enqueue(self, missing: NDArray[np.int64]) -> None:
+    def _enqueue(self, missing: NDArray[np.int64], ready: set[int]) -> None:
         """Replace the queue by this frame's wishes, as many as there is room for."""
         room = max(0, self._cpu_pages - len(self._decoded))
         queue: list[int] = []
         for page in missing.tolist():
             if len(queue) == room:
                 break
-            if page not in self._decoded and page not in self._decoding and page not in self._failed:
+            if not (page in ready or page in self._decoded or page in self._decoding or page in self._failed):
                 queue.append(page)
         queue.reverse()
         self._queue = queue
@@ -254,20 +254,16 @@ class Stream:
             self._lock.notify_all()
 
     def _place(self, ready: list[tuple[int, NDArray[np.uint8]]]) -> list[Upload]:
-        """Give each page a slot: a free one, else the least recently used that this frame does not need."""
+        """Give each page a slot: a free one, else the least recently used (never one that this frame wants)."""
         if not ready:
             return []
         pinned_slot = self._slot_of[self._pinned]
         age = self._last_used.copy()
         if pinned_slot >= 0:
             age[pinned_slot] = np.iinfo(np.int64).max
-        count = min(len(ready), len(age))
-        candidates = np.argpartition(age, count - 1)[:count]
-        candidates = candidates[np.argsort(age[candidates], kind="stable")]
+        oldest = np.argpartition(age, len(ready) - 1)[: len(ready)]
         placed = []
-        for (page, texels), slot in zip(ready, candidates.tolist(), strict=False):
-            if age[slot] >= self._frame:
-                break  # every slot serves this very frame: the pool is full
+        for (page, texels), slot in zip(ready, oldest.tolist(), strict=True):
             evicted = self._page_in[slot]
             if evicted >= 0:
                 self._slot_of[evicted] = -1

@@ -14,8 +14,19 @@ from limen.errors import LimenError
 
 __all__ = ["app", "main"]
 
-_VERBS = ("demo", "doctor", "sample", "info", "ingest", "display", "walk", "show", "traffic", "bench")
-"""In the order of the help page; each is ``limen.cli.<verb>:<verb>``."""
+_VERBS = {
+    "demo": "Walk a visitor through the Reality Deck and write an illustrated report.",
+    "doctor": "What this machine can do, what is missing, and the command that mends it.",
+    "sample": "Make test data of any size.",
+    "info": "What a file is.",
+    "ingest": "Make a file ready: a pyramid that is opened in place.",
+    "display": "Check, list, draw or convert a display.",
+    "walk": "Make a session: visitors who walk in front of a display.",
+    "show": "Draw content on a display: a window, or files with --out.",
+    "traffic": "Count what would have to move, frame by frame.",
+    "bench": "The benchmark tables of the documentation.",
+}
+"""In the order of the help page; each is ``limen.cli.<verb>:<verb>``, imported only when it is typed."""
 
 _EXIT_OURS, _EXIT_INPUT, _EXIT_INTERRUPTED = 1, 2, 130
 
@@ -31,8 +42,8 @@ app = App(
     help="Gigapixel images on any display made of flat panels, drawn to the threshold of what a viewer can see.",
     version=_version,
 )
-for _verb in _VERBS:
-    app.command(f"limen.cli.{_verb}:{_verb}", name=_verb)
+for _verb, _summary in _VERBS.items():
+    app.command(f"limen.cli.{_verb}:{_verb}", name=_verb, help=_summary)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -54,7 +65,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except Exception as error:
         if "-v" in words or "--verbose" in words:
             traceback.print_exc()
-        _fail(f"a fault in limen itself: {type(error).__name__}: {error} (run again with -v for the traceback)", _EXIT_OURS)
+        _fail(
+            f"a fault in limen itself: {type(error).__name__}: {error} (run again with -v for the traceback)",
+            _EXIT_OURS,
+        )
 
 
 def _verb_of(words: list[str]) -> str:

@@ -22,9 +22,13 @@ __all__ = ["DEFAULT", "Common", "Output"]
 class Common:
     """Options that every verb takes."""
 
-    json: Annotated[bool, Parameter(negative="", help="Print one JSON object on stdout and nothing else there.")] = False
+    json: Annotated[bool, Parameter(negative="", help="Print one JSON object on stdout and nothing else there.")] = (
+        False
+    )
     quiet: Annotated[bool, Parameter(alias="-q", negative="", help="No progress, no remarks.")] = False
-    verbose: Annotated[bool, Parameter(alias="-v", negative="", help="Say more; tracebacks for limen's own faults.")] = False
+    verbose: Annotated[
+        bool, Parameter(alias="-v", negative="", help="Say more; tracebacks for limen's own faults.")
+    ] = False
 
 
 DEFAULT = Common()
@@ -35,7 +39,9 @@ class Output:
 
     def __init__(self, common: Common) -> None:
         self.common = common
-        self._out = Console(file=sys.stdout, highlight=False, soft_wrap=True)
+        # A table in a pipe or a file must not be cut to the 80 columns of a terminal that is not there.
+        width = None if sys.stdout.isatty() else 200
+        self._out = Console(file=sys.stdout, highlight=False, soft_wrap=True, width=width)
         self._err = Console(file=sys.stderr, highlight=False, soft_wrap=True)
 
     def say(self, text: str) -> None:
@@ -76,10 +82,14 @@ class Output:
         columns = (
             TextColumn("{task.description}"),
             BarColumn(bar_width=30),
-            MofNCompleteColumn() if total is None or float(total).is_integer() else TextColumn("{task.percentage:>3.0f} %"),
+            MofNCompleteColumn()
+            if total is None or float(total).is_integer()
+            else TextColumn("{task.percentage:>3.0f} %"),
             TimeRemainingColumn(compact=True),
         )
-        with Progress(*columns, console=self._err, transient=True, disable=self.common.quiet or not self._err.is_terminal) as bar:
+        with Progress(
+            *columns, console=self._err, transient=True, disable=self.common.quiet or not self._err.is_terminal
+        ) as bar:
             yield _Step(bar, bar.add_task(what, total=total))
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from limen.select.image import View
     from limen.study.traffic import Report, Row, SessionTraffic
 
-__all__ = ["traffic"]
+__all__ = ["print_traffic", "traffic"]
 
 ONE_TO_ONE = "one-to-one"
 _Words = Annotated[list[str], Parameter(consume_multiple=True, negative="")]
@@ -89,7 +89,7 @@ def traffic(
     if plot is not None:
         traffic_plot(report, plot)
     out.result(report.summary())
-    _print(out, report)
+    print_traffic(out, report)
 
 
 def _view(content: str, display: Display, fit: str) -> tuple[View, float]:
@@ -112,7 +112,7 @@ def _open(path: str) -> Any:
     return limen.open(path)
 
 
-def _print(out: Output, report: Report) -> None:
+def print_traffic(out: Output, report: Report) -> None:
     summary = report.summary()
     panels = "1 panel" if summary.panels == 1 else f"{summary.panels} panels"
     where = f"{summary.display}, {panels}, {summary.total_px / 1e9:.3g} gigapixels"

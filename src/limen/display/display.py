@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
@@ -81,7 +81,9 @@ class Display:
             If there is no preset of that name; the message lists those there are.
         """
         if name not in files.preset_names():
-            raise InputError(f"no display is named '{name}': there are {', '.join(files.preset_names())}; or give a .toml file")
+            raise InputError(
+                f"no display is named '{name}': there are {', '.join(files.preset_names())}; or give a .toml file"
+            )
         return cls(*files.read(files.preset_path(name)))
 
     @classmethod
@@ -137,8 +139,21 @@ class Display:
         patterns = [globs] if isinstance(globs, str) else list(globs)
         chosen = tuple(panel for panel in self.panels if any(fnmatchcase(panel.name, pattern) for pattern in patterns))
         if not chosen:
-            raise InputError(f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'")
+            raise InputError(
+                f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'"
+            )
         return _Part(self.name, chosen, self.description, self.surface)
+
+    def part(self, indices: Sequence[int]) -> Display:
+        """Some of the panels, in the order given, on the same surface."""
+        return _Part(self.name, tuple(self.panels[index] for index in indices), self.description, self.surface)
+
+    def scaled(self, factor: float) -> Display:
+        """The same panels with ``factor`` times as many pixels along each side: for previews of a whole room."""
+        if not 0 < factor <= 1:
+            raise InputError(f"a preview's scale must lie above 0 and at most at 1, got {factor}")
+        panels = tuple(_scaled(panel, factor) for panel in self.panels)
+        return _Part(self.name, panels, self.description, self.surface)
 
     @cached_property
     def arrays(self) -> PanelArrays:
@@ -188,11 +203,26 @@ class Display:
         return dict(grids)
 
 
+def _scaled(panel: Panel, factor: float) -> Panel:
+    width, height = (max(1, round(side * factor)) for side in panel.size_px)
+    shrink = (width / panel.size_px[0], height / panel.size_px[1])
+    return replace(
+        panel,
+        size_px=(width, height),
+        pitch_m=(panel.pitch_m[0] / shrink[0], panel.pitch_m[1] / shrink[1]),
+        outline_px=tuple((x * shrink[0], y * shrink[1]) for x, y in panel.outline_px),
+        nudge_px=(panel.nudge_px[0] * shrink[0], panel.nudge_px[1] * shrink[1]),
+    )
+
+
+_NOWHERE = Rect(0, 0, 0, 0)
+
+
 @dataclass(frozen=True)
 class _Part(Display):
     """Some panels of a display: an image still lies on the whole display's surface."""
 
-    whole: Rect = Rect(0, 0, 0, 0)
+    whole: Rect = _NOWHERE
 
     @cached_property
     def surface(self) -> Rect:

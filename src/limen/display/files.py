@@ -29,16 +29,26 @@ class PanelEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True)
     size_px: Annotated[tuple[Side, Side], Meta(description="Width and height of the pixel grid.")]
     corners_m: Annotated[
         list[tuple[float, float, float]],
-        Meta(description="Top left, top right and bottom right corner of the pixel grid as a viewer sees it (and bottom left, if you like).", min_length=3, max_length=4),
+        Meta(
+            description="Top left, top right, bottom right (and bottom left) corner of the pixel grid as seen.",
+            min_length=3,
+            max_length=4,
+        ),
     ]
     surface_m: Annotated[
         tuple[float, float] | None,
-        Meta(description="Where its top left corner lies on the unrolled surface (right, down). Default: right of what came before."),
+        Meta(description="Place of its top left corner on the unrolled surface. Default: right of what came before."),
     ] = None
     outline_px: Annotated[
-        list[tuple[float, float]], Meta(description="Corners of the lit polygon on the pixel grid: convex, at most eight. Default: the whole grid.")
+        list[tuple[float, float]],
+        Meta(
+            description="Corners of the lit polygon on the pixel grid: convex, at most eight. Default: the whole grid."
+        ),
     ] = []
-    nudge_px: Annotated[tuple[float, float], Meta(description="Moves the picture on this panel (right, down).")] = (0.0, 0.0)
+    nudge_px: Annotated[tuple[float, float], Meta(description="Moves the picture on this panel (right, down).")] = (
+        0.0,
+        0.0,
+    )
     node: Annotated[str, Meta(description="The machine that draws this panel.")] = ""
 
 
@@ -129,7 +139,9 @@ def _parse(path: Path, text: str) -> DisplayFile:
         message, _, where = str(error).partition(" - at `")
         where = where.rstrip("`")
         line = _line_of(text, where, message)
-        raise FormatError(f"{path}:{line}: {message}" + (f" (field {where.removeprefix('$.')})" if where else "")) from None
+        raise FormatError(
+            f"{path}:{line}: {message}" + (f" (field {where.removeprefix('$.')})" if where else "")
+        ) from None
 
 
 def _line_of(text: str, where: str, message: str) -> int:
@@ -154,6 +166,8 @@ def _line_of(text: str, where: str, message: str) -> int:
 
 
 def _panels(content: DisplayFile) -> tuple[Panel, ...]:
+    if not (content.grids or content.panels):
+        raise DisplayError("no panels: add a [[grid]] or a [[panel]]")
     panels: list[Panel] = []
     edge = 0.0  # where the next wall begins on the unrolled surface
     for grid in content.grids:
@@ -179,5 +193,7 @@ def _adjusted(panel: Panel, adjustments: list[Adjustment]) -> Panel:
     for adjustment in adjustments:
         if fnmatchcase(panel.name, adjustment.panels):
             nudge, node = adjustment.nudge_px, adjustment.node
-            panel = replace(panel, nudge_px=panel.nudge_px if nudge is None else nudge, node=panel.node if node is None else node)
+            panel = replace(
+                panel, nudge_px=panel.nudge_px if nudge is None else nudge, node=panel.node if node is None else node
+            )
     return panel

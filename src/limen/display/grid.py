@@ -22,26 +22,39 @@ NotNegative = Annotated[float, Meta(ge=0)]
 
 
 class Grid(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
-    """A flat wall of equal panels, named ``name/column,row``; column 0 is leftmost and row 0 topmost as a viewer sees them."""
+    """A flat wall of equal panels, named ``name/column,row``; column 0 is leftmost, row 0 topmost as seen."""
 
     name: Annotated[str, Meta(min_length=1)]
     size_px: Annotated[tuple[Side, Side], Meta(description="Width and height of one panel.")]
     centre_m: Annotated[tuple[float, float, float], Meta(description="Middle of the whole grid in the room.")]
     columns: Side = 1
     rows: Side = 1
-    diagonal_in: Annotated[Positive | None, Meta(description="Diagonal of one panel's lit area, inches. Give this, pitch_mm or size_m.")] = None
+    diagonal_in: Annotated[
+        Positive | None, Meta(description="Diagonal of one panel's lit area, inches. Give this, pitch_mm or size_m.")
+    ] = None
     pitch_mm: Annotated[Positive | None, Meta(description="Distance from one pixel to the next.")] = None
-    size_m: Annotated[tuple[Positive, Positive] | None, Meta(description="Width and height of one panel's lit area.")] = None
+    size_m: Annotated[
+        tuple[Positive, Positive] | None, Meta(description="Width and height of one panel's lit area.")
+    ] = None
     bezel_mm: Annotated[
-        tuple[NotNegative, NotNegative], Meta(description="Dark gap between the lit areas of neighbours: between columns, between rows.")
+        tuple[NotNegative, NotNegative],
+        Meta(description="Dark gap between the lit areas of neighbours: between columns, between rows."),
     ] = (0.0, 0.0)
-    facing: Annotated[tuple[float, float, float], Meta(description="The wall's normal, toward the viewers.")] = (0.0, 0.0, 1.0)
+    facing: Annotated[tuple[float, float, float], Meta(description="The wall's normal, toward the viewers.")] = (
+        0.0,
+        0.0,
+        1.0,
+    )
     up: Annotated[tuple[float, float, float], Meta(description="Upward along the wall's columns.")] = (0.0, 1.0, 0.0)
-    first_column: Annotated[int, Meta(ge=0, description="Number of the leftmost column, for a wall written in two parts.")] = 0
-    nodes: Annotated[list[str], Meta(description="The machine that draws each column, from the left; one name for all is enough.")] = []
+    first_column: Annotated[
+        int, Meta(ge=0, description="Number of the leftmost column, for a wall written in two parts.")
+    ] = 0
+    nodes: Annotated[
+        list[str], Meta(description="The machine that draws each column, from the left; one name for all is enough.")
+    ] = []
     surface_m: Annotated[
         tuple[float, float] | None,
-        Meta(description="Where the grid's top left corner lies on the unrolled surface (right, down). Default: right of what came before."),
+        Meta(description="Place of its top left corner on the unrolled surface. Default: right of what came before."),
     ] = None
 
 
@@ -56,7 +69,9 @@ def panels_of_grid(grid: Grid, surface_left_m: float) -> list[Panel]:
     pitch = _pitch_m(grid)
     right, down = _frame(grid)
     step = (grid.size_px[0] * pitch[0] + grid.bezel_mm[0] / 1000, grid.size_px[1] * pitch[1] + grid.bezel_mm[1] / 1000)
-    across = np.array([(grid.columns * step[0] - grid.bezel_mm[0] / 1000) / 2, (grid.rows * step[1] - grid.bezel_mm[1] / 1000) / 2])
+    across = np.array(
+        [(grid.columns * step[0] - grid.bezel_mm[0] / 1000) / 2, (grid.rows * step[1] - grid.bezel_mm[1] / 1000) / 2]
+    )
     frame = np.array([right, down])
     corner = np.array(as_vec3(grid.centre_m, f"grid '{grid.name}': centre_m")) - across @ frame
     surface = grid.surface_m or (surface_left_m, 0.0)
@@ -105,7 +120,8 @@ def panel_of_corners(
     gap = float(np.linalg.norm(corners[3] - fourth)) if len(corners) == 4 else 0.0
     if max(skew, gap) > 0.01 * max(width, height):
         raise DisplayError(
-            f"panel '{name}': corners_m is not a rectangle (off by {max(skew, gap) * 1000:.1f} mm); the order is top left, top right, bottom right, bottom left"
+            f"panel '{name}': corners_m is not a rectangle (off by {max(skew, gap) * 1000:.1f} mm); "
+            "the order is top left, top right, bottom right, bottom left"
         )
     right = along / width
     down = downward - (downward @ right) * right
@@ -149,7 +165,10 @@ def _frame(grid: Grid) -> tuple[Vec3, Vec3]:
 
 def _node(grid: Grid, column: int) -> str:
     if len(grid.nodes) not in (0, 1, grid.columns):
-        raise DisplayError(f"grid '{grid.name}': nodes has {len(grid.nodes)} names for {grid.columns} columns; give one for each, or one for all")
+        raise DisplayError(
+            f"grid '{grid.name}': nodes has {len(grid.nodes)} names for {grid.columns} columns; "
+            "give one for each, or one for all"
+        )
     if not grid.nodes:
         return ""
     return grid.nodes[column if len(grid.nodes) > 1 else 0]

@@ -116,7 +116,9 @@ class Panel:
 
 def _check_outline(outline_px: tuple[tuple[float, float], ...]) -> None:
     if not 3 <= len(outline_px) <= MAX_OUTLINE_CORNERS:
-        raise ValueError(f"outline must have 3 to {MAX_OUTLINE_CORNERS} corners, got {len(outline_px)}: split the panel")
+        raise ValueError(
+            f"outline must have 3 to {MAX_OUTLINE_CORNERS} corners, got {len(outline_px)}: split the panel"
+        )
     corners = np.array(outline_px, dtype=float)
     if not np.isfinite(corners).all():
         raise ValueError("outline holds a number that is not finite")

@@ -16,12 +16,23 @@ from numpy.typing import NDArray
 from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.errors import InputError
+from limen.geometry import Floats
 from limen.placement import OnShape, OnSurface, PanelMaps, Placement
 from limen.select import kernels
 from limen.select.cut import Cut
 from limen.tolerance import Tolerance
 
-__all__ = ["Pairs", "View", "flat_pairs", "select", "select_flat", "select_on_shape", "shape_kind", "view_of"]
+__all__ = [
+    "Pairs",
+    "View",
+    "flat_pairs",
+    "levels_at",
+    "select",
+    "select_flat",
+    "select_on_shape",
+    "shape_kind",
+    "view_of",
+]
 
 _NONE = np.empty(0, dtype=np.int64)
 _KINDS = ("plane", "cylinder", "ellipsoid")
@@ -46,7 +57,9 @@ def shape_kind(placement: OnShape) -> int:
     return _KINDS.index(placement.kind)
 
 
-def select(view: View, tolerance: Tolerance, *, budget: int | None = None, eye_m: tuple[float, float, float] | None = None) -> Cut:
+def select(
+    view: View, tolerance: Tolerance, *, budget: int | None = None, eye_m: tuple[float, float, float] | None = None
+) -> Cut:
     """The pages that every pixel's level asks for.
 
     Parameters
@@ -93,14 +106,14 @@ def flat_pairs(view: View, tolerance: Tolerance, bias: int = 0) -> Pairs:
     """What `select_flat` chooses from, before pages that several panels share are put together."""
     assert view.maps is not None
     arrays, maps = view.display.arrays, view.maps
-    columns, rows, first = _level_arrays(view.pyramid)
+    pages_of = _level_arrays(view.pyramid)
     room = 8192
     while True:
         panel, page, area = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room)
         count = kernels.flat_pairs(
             arrays.origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px,
             maps.scale, maps.offset, maps.mip_level, tolerance.eyes_m, tolerance.tan_angle,
-            columns, rows, first, np.array(view.pyramid.size_px, dtype=np.int64), bias, panel, page, area,
+            *pages_of, np.array(view.pyramid.size_px, dtype=np.int64), bias, panel, page, area,
         )  # fmt: skip
         if count <= room:
             return Pairs(panel[:count], page[:count], area[:count])
@@ -116,7 +129,9 @@ def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
     return _cut(view.pyramid, pages, importance, panel, page, float(np.abs(view.maps.scale).max(axis=1).min()))
 
 
-def select_on_shape(view: View, tolerance: Tolerance, bias: int = 0, eye_m: tuple[float, float, float] | None = None) -> Cut:
+def select_on_shape(
+    view: View, tolerance: Tolerance, bias: int = 0, eye_m: tuple[float, float, float] | None = None
+) -> Cut:
     """`select` for images on a plane, cylinder or ellipsoid in the room.
 
     Raises
@@ -130,21 +145,28 @@ def select_on_shape(view: View, tolerance: Tolerance, bias: int = 0, eye_m: tupl
     if eye is None:
         raise InputError(f"an image on a {placement.kind} needs an eye point: give the placement's eye_m or a viewer")
     arrays = view.display.arrays
-    columns, rows, first = _level_arrays(view.pyramid)
     local = placement.local_from_room()
+    closed = placement.kind != "plane" and placement.turn_deg == 360
+    shape = kernels.Shape(
+        shape_kind(placement),
+        local,
+        local[:3, :3] @ np.array(eye) + local[:3, 3],
+        math.radians(placement.turn_deg),
+        np.array(view.pyramid.size_px, dtype=np.int64),
+        float(view.pyramid.size_px[0]) if closed else 0.0,
+    )
     coverage = np.zeros(view.pyramid.page_count)
     kernels.shape_pages(
-        arrays.origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px,
-        shape_kind(placement), local, math.radians(placement.turn_deg), local[:3, :3] @ np.array(eye) + local[:3, 3],
-        tolerance.eyes_m, tolerance.tan_angle, columns, rows, first, np.array(view.pyramid.size_px, dtype=np.int64), bias, coverage,
+        arrays.origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px, shape, _level_arrays(view.pyramid),
+        tolerance.eyes_m, tolerance.tan_angle, bias, coverage,
     )  # fmt: skip
     pages = np.flatnonzero(coverage)
     return _cut(view.pyramid, pages, coverage[pages], _NONE, _NONE, 1.0)
 
 
-def _level_arrays(pyramid: Pyramid) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _level_arrays(pyramid: Pyramid) -> kernels.Pages:
     levels = pyramid.levels
-    return (
+    return kernels.Pages(
         np.array([level.columns for level in levels], dtype=np.int64),
         np.array([level.rows for level in levels], dtype=np.int64),
         np.array([level.first_page for level in levels], dtype=np.int64),
@@ -165,3 +187,18 @@ def _cut(
     coarsest = int(np.searchsorted(firsts, pages, side="right").max(initial=1)) - 1
     error_px = 2.0**coarsest / texels_per_px if coarsest else 0.0
     return Cut(pages, importance[order], panel, page, error_px)
+
+
+def levels_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> NDArray[np.int64]:
+    """The level drawn at places of a panel, for an image on the surface: (..., 2) pixels to (...) levels; -1 outside.
+
+    The formula itself (Papadopoulos, Kaufman 2013, section 3.2), pixel by pixel: for maps of levels and for tests.
+    """
+    assert view.maps is not None
+    chosen = view.display.panels[panel]
+    allowed_px = tolerance.allowed_px(chosen.position_m(position_px), chosen.pitch_m[0])
+    hidden = np.frexp(np.maximum(allowed_px, 1.0))[1].astype(np.int64) - 1
+    texel = position_px * view.maps.scale[panel] + view.maps.offset[panel]
+    inside = ((texel >= 0) & (texel < np.array(view.pyramid.size_px))).all(axis=-1)
+    levels = np.clip(view.maps.mip_level[panel] + hidden, 0, len(view.pyramid.levels) - 1)
+    return np.where(inside, levels, -1)

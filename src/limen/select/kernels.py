@@ -8,15 +8,20 @@ single-precision arithmetic on a GPU never asks for a page that was left out her
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-__all__ = ["flat_pairs", "shape_pages"]
+from limen.geometry import Floats
+
+__all__ = ["Pages", "Shape", "flat_pairs", "shape_pages"]
 
 _SLACK = 1e-5
 _EDGE_PX = 1e-4
-_MIN_CELL_PX = 8.0
+_MIP_SLACK = 2e-2
+_MIN_CELL_PX = 16.0
 _FIRST_CELL_PX = 256.0
 _STACK = 256
 
@@ -78,7 +83,9 @@ def flat_pairs(origin_m, right, down, pitch_m, size_px, scale, offset, mip, eyes
         _eyes_on_panel(p, origin_m, right, down, pitch_m, eyes_m, tan_angle, eye_x, eye_y, height2, reach)
         px, py = pitch_m[p, 0], pitch_m[p, 1]
         width, height = size_px[p, 0], size_px[p, 1]
-        low, high = _rect_tolerance(0.5 * px, 0.5 * py, (width - 0.5) * px, (height - 0.5) * py, eye_x, eye_y, height2, reach)
+        low, high = _rect_tolerance(
+            0.5 * px, 0.5 * py, (width - 0.5) * px, (height - 0.5) * py, eye_x, eye_y, height2, reach
+        )
         base = mip[p] + bias
         finest = min(max(base + _hidden_levels(low), 0), top)
         coarsest = min(max(base + _hidden_levels(high), 0), top)
@@ -89,9 +96,7 @@ def flat_pairs(origin_m, right, down, pitch_m, size_px, scale, offset, mip, eyes
             continue
         for level in range(finest, coarsest + 1):
             # The tolerances at which this level is drawn: the ends of the pyramid take what lies beyond.
-            least = 0.0 if level == 0 or level == base else 2.0 ** (level - base)
-            if level <= base:
-                least = 0.0
+            least = 0.0 if level == 0 or level <= base else 2.0 ** (level - base)
             most = math.inf if level == top else 2.0 ** (level - base + 1)
             span = 256.0 * 2.0**level
             c0, c1 = int(u0 // span), min(int(u1 // span), columns[level] - 1)
@@ -109,7 +114,14 @@ def flat_pairs(origin_m, right, down, pitch_m, size_px, scale, offset, mip, eyes
                         continue
                     if eyes:
                         low, high = _rect_tolerance(
-                            (i0 + 0.5) * px, (j0 + 0.5) * py, (i1 + 0.5) * px, (j1 + 0.5) * py, eye_x, eye_y, height2, reach
+                            (i0 + 0.5) * px,
+                            (j0 + 0.5) * py,
+                            (i1 + 0.5) * px,
+                            (j1 + 0.5) * py,
+                            eye_x,
+                            eye_y,
+                            height2,
+                            reach,
                         )
                         if high < least or low >= most:
                             continue
@@ -121,42 +133,51 @@ def flat_pairs(origin_m, right, down, pitch_m, size_px, scale, offset, mip, eyes
     return count
 
 
+class Shape(NamedTuple):
+    """An image on a plane (0), cylinder (1) or ellipsoid (2) as one eye sees it; see `limen.placement.OnShape`."""
+
+    kind: int
+    local: Floats  # 4 x 4, from the room to the frame in which the shape has size one
+    eye: Floats  # the eye point in that frame
+    turn: float  # radians of the circle that the image's width covers
+    image_px: NDArray[np.int64]
+    period: float  # the image's width where it closes on itself, else 0
+
+
+class Pages(NamedTuple):
+    """A pyramid's numbering, one entry a level."""
+
+    columns: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+
 @njit(cache=True, nogil=True)
-def _shape_texel(kind, local, turn, image_px, ex, ey, ez, x, y, z, out):
-    """The texel behind a room position as the eye sees it (eye in the shape's frame); False where there is none."""
-    qx = local[0, 0] * x + local[0, 1] * y + local[0, 2] * z + local[0, 3]
-    qy = local[1, 0] * x + local[1, 1] * y + local[1, 2] * z + local[1, 3]
-    qz = local[2, 0] * x + local[2, 1] * y + local[2, 2] * z + local[2, 3]
-    dx, dy, dz = qx - ex, qy - ey, qz - ez
-    if kind == 0:
-        if dz == 0.0:
-            return False
-        t = -ez / dz
-        if t <= 0.0:
-            return False
+def _shape_texel(shape, x, y, z):
+    """The texel behind a room position: (hit, u, v)."""
+    local, eye = shape.local, shape.eye
+    ex, ey, ez = eye[0], eye[1], eye[2]
+    dx = local[0, 0] * x + local[0, 1] * y + local[0, 2] * z + local[0, 3] - ex
+    dy = local[1, 0] * x + local[1, 1] * y + local[1, 2] * z + local[1, 3] - ey
+    dz = local[2, 0] * x + local[2, 1] * y + local[2, 2] * z + local[2, 3] - ez
+    if shape.kind == 0:
+        t = -ez / dz if dz != 0.0 else -1.0
         u, v = ex + t * dx, ey + t * dy
     else:
-        round_y = 1.0 if kind == 2 else 0.0
+        round_y = 1.0 if shape.kind == 2 else 0.0
         a = dx * dx + dz * dz + round_y * dy * dy
         b = ex * dx + ez * dz + round_y * ey * dy
-        c = ex * ex + ez * ez + round_y * ey * ey - 1.0
-        root = b * b - a * c
+        root = b * b - a * (ex * ex + ez * ez + round_y * ey * ey - 1.0)
         if a == 0.0 or root < 0.0:
-            return False
-        root = math.sqrt(root)
-        t = (-b - root) / a
+            return False, 0.0, 0.0
+        t = (-b - math.sqrt(root)) / a
         if t <= 0.0:
-            t = (-b + root) / a
-        if t <= 0.0:
-            return False
-        hx, hy, hz = ex + t * dx, ey + t * dy, ez + t * dz
-        u = 0.5 + math.atan2(hx, hz) / turn
-        if kind == 1:
-            v = 0.5 + 0.5 * hy
-        else:
-            v = 0.5 + math.asin(min(max(hy, -1.0), 1.0)) / math.pi
-    out[0], out[1] = u * image_px[0], v * image_px[1]
-    return 0.0 <= u < 1.0 and 0.0 <= v < 1.0
+            t = (-b + math.sqrt(root)) / a
+        hy = ey + t * dy
+        u = 0.5 + math.atan2(ex + t * dx, ez + t * dz) / shape.turn
+        v = 0.5 + (0.5 * hy if shape.kind == 1 else math.asin(min(max(hy, -1.0), 1.0)) / math.pi)
+    hit = t > 0.0 and 0.0 <= u < 1.0 and 0.0 <= v < 1.0
+    return hit, u * shape.image_px[0], v * shape.image_px[1]
 
 
 @njit(cache=True, nogil=True)
@@ -165,102 +186,130 @@ def _wrapped(difference, period):
 
 
 @njit(cache=True, nogil=True)
-def shape_pages(origin_m, right, down, pitch_m, size_px, kind, local, turn, eye_local,
-                eyes_m, tan_angle, columns, rows, first, image_px, bias, coverage):  # fmt: skip
+def _footprint_level(shape, position, across, below, u, v):
+    """``log2 A`` at a room position, by the differences to the pixels to the right and below."""
+    _, u1, v1 = _shape_texel(shape, position[0] + across[0], position[1] + across[1], position[2] + across[2])
+    _, u2, v2 = _shape_texel(shape, position[0] + below[0], position[1] + below[1], position[2] + below[2])
+    a = math.hypot(_wrapped(u1 - u, shape.period), v1 - v)
+    b = math.hypot(_wrapped(u2 - u, shape.period), v2 - v)
+    return math.log2(max(max(a, b), 1e-30)) + 1e-3
+
+
+@njit(cache=True, nogil=True)
+def _survey(shape, origin, across, below, x0, y0, x1, y1):
+    """Nine pixels of a cell: hits, the range of mip levels, and the box of texels (u relative to an anchor)."""
+    hits, finest, coarsest = 0, 1 << 30, -(1 << 30)
+    anchor, u_low, u_high, v_low, v_high = 0.0, 0.0, 0.0, 0.0, 0.0
+    for sample in range(9):
+        x = x0 + 0.5 + (x1 - x0 - 1.0) * 0.5 * (sample % 3)
+        y = y0 + 0.5 + (y1 - y0 - 1.0) * 0.5 * (sample // 3)
+        position = (
+            origin[0] + across[0] * x + below[0] * y,
+            origin[1] + across[1] * x + below[1] * y,
+            origin[2] + across[2] * x + below[2] * y,
+        )
+        hit, u, v = _shape_texel(shape, position[0], position[1], position[2])
+        if not hit:
+            continue
+        mip = _footprint_level(shape, position, across, below, u, v)
+        finest = min(finest, math.floor(mip - _MIP_SLACK))
+        coarsest = max(coarsest, math.floor(mip + _MIP_SLACK))
+        if hits == 0:
+            anchor, v_low, v_high = u, v, v
+        step = _wrapped(u - anchor, shape.period)
+        u_low, u_high = min(u_low, step), max(u_high, step)
+        v_low, v_high = min(v_low, v), max(v_high, v)
+        hits += 1
+    return hits, finest, coarsest, anchor + u_low, anchor + u_high, v_low, v_high
+
+
+@njit(cache=True, nogil=True)
+def _add_box(shape, pages, level, u_low, u_high, v_low, v_high, area, coverage):
+    """Count ``area`` pixels for every page of a level that a box of texels touches."""
+    span = 256.0 * 2.0**level
+    columns = pages.columns[level]
+    slop = 0.02 * max(u_high - u_low, v_high - v_low) + 0.01
+    c0, c1 = math.floor((u_low - slop) / span), math.floor((u_high + slop) / span)
+    if shape.period > 0.0:
+        # The last column may be narrow, so 'one past the end' is found by wrapping texels, not columns.
+        if u_high + slop >= shape.period:
+            c1 = columns + int((u_high + slop - shape.period) / span)
+        if u_low - slop < 0.0:
+            c0 = int((u_low - slop + shape.period) / span) - columns
+    else:
+        c0, c1 = max(c0, 0), min(c1, columns - 1)
+    r0 = max(math.floor((v_low - slop) / span), 0)
+    r1 = min(math.floor((v_high + slop) / span), pages.rows[level] - 1)
+    for r in range(r0, r1 + 1):
+        for c in range(c0, c1 + 1):
+            coverage[pages.first[level] + r * columns + c % columns] += area
+
+
+@njit(cache=True, nogil=True)
+def _visit(shape, pages, origin, across, below, cell, pitch, eye_x, eye_y, height2, reach, bias, coverage):
+    """Count a cell's pages, or say False: it must be cut."""
+    x0, y0, x1, y1 = cell[0], cell[1], cell[2], cell[3]
+    hits, finest_mip, coarsest_mip, u_low, u_high, v_low, v_high = _survey(shape, origin, across, below, x0, y0, x1, y1)
+    smallest = max(x1 - x0, y1 - y0) <= _MIN_CELL_PX
+    if hits == 0:
+        return smallest
+    low, high = 0.0, 0.0
+    if len(reach):
+        low, high = _rect_tolerance((x0 + 0.5) * pitch[0], (y0 + 0.5) * pitch[1], (x1 - 0.5) * pitch[0],
+                                    (y1 - 0.5) * pitch[1], eye_x, eye_y, height2, reach)  # fmt: skip
+    top = len(pages.columns) - 1
+    finest = min(max(finest_mip + _hidden_levels(low) + bias, 0), top)
+    coarsest = min(max(coarsest_mip + _hidden_levels(high) + bias, 0), top)
+    if not smallest:
+        span = 256.0 * 2.0**finest
+        extent = max(u_high - u_low, v_high - v_low)
+        one_page = math.floor(u_low / span) == math.floor(u_high / span) and math.floor(v_low / span) == math.floor(
+            v_high / span
+        )
+        if hits < 9 or finest != coarsest or not (one_page or extent <= span / 4):
+            return False
+    for level in range(finest, coarsest + 1):
+        _add_box(shape, pages, level, u_low, u_high, v_low, v_high, (x1 - x0) * (y1 - y0), coverage)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def shape_pages(origin_m, right, down, pitch_m, size_px, shape, pages, eyes_m, tan_angle, bias, coverage):
     """Adds to ``coverage`` (one entry a page) the pixels that need each page of an image on a shape.
 
-    A panel is cut into cells until a cell lies within a quarter of a page of one level, or is 8 pixels wide;
-    all pages that a cell's bounding box touches are counted, so the answer errs toward too many.
+    A panel is cut into cells until a cell lies in one page, or within a quarter of a page, of one level, or is
+    16 pixels wide; all pages that a cell's box of texels touches are counted, so the answer errs toward too many.
     """
     eyes = len(tan_angle)
     eye_x, eye_y, height2, reach = np.empty(eyes), np.empty(eyes), np.empty(eyes), np.empty(eyes)
-    top = len(columns) - 1
-    full_turn = kind != 0 and turn > 2 * math.pi - 1e-9
-    period = float(image_px[0]) if full_turn else 0.0
     stack = np.empty((_STACK, 4))
-    here, beside, below = np.empty(2), np.empty(2), np.empty(2)
-    ex, ey, ez = eye_local[0], eye_local[1], eye_local[2]
     for p in range(len(origin_m)):
         _eyes_on_panel(p, origin_m, right, down, pitch_m, eyes_m, tan_angle, eye_x, eye_y, height2, reach)
-        px, py = pitch_m[p, 0], pitch_m[p, 1]
-        for start_y in range(0, size_px[p, 1], int(_FIRST_CELL_PX)):
-            for start_x in range(0, size_px[p, 0], int(_FIRST_CELL_PX)):
-                stack[0, 0], stack[0, 1] = start_x, start_y
-                stack[0, 2] = min(start_x + _FIRST_CELL_PX, size_px[p, 0])
-                stack[0, 3] = min(start_y + _FIRST_CELL_PX, size_px[p, 1])
-                depth = 1
-                while depth:
-                    depth -= 1
-                    x0, y0, x1, y1 = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
-                    hits, finest_mip, coarsest_mip = 0, 1 << 30, -(1 << 30)
-                    anchor_u, u_low, u_high, v_low, v_high = 0.0, 0.0, 0.0, 0.0, 0.0
-                    for sample in range(9):
-                        # The pixel centres at the cell's edges, halves and middle.
-                        x = x0 + 0.5 + (x1 - x0 - 1.0) * 0.5 * (sample % 3)
-                        y = y0 + 0.5 + (y1 - y0 - 1.0) * 0.5 * (sample // 3)
-                        ox = origin_m[p, 0] + right[p, 0] * x * px + down[p, 0] * y * py
-                        oy = origin_m[p, 1] + right[p, 1] * x * px + down[p, 1] * y * py
-                        oz = origin_m[p, 2] + right[p, 2] * x * px + down[p, 2] * y * py
-                        inside = _shape_texel(kind, local, turn, image_px, ex, ey, ez, ox, oy, oz, here)
-                        if not inside:
-                            continue
-                        _shape_texel(kind, local, turn, image_px, ex, ey, ez,
-                                     ox + right[p, 0] * px, oy + right[p, 1] * px, oz + right[p, 2] * px, beside)  # fmt: skip
-                        _shape_texel(kind, local, turn, image_px, ex, ey, ez,
-                                     ox + down[p, 0] * py, oy + down[p, 1] * py, oz + down[p, 2] * py, below)  # fmt: skip
-                        a = math.hypot(_wrapped(beside[0] - here[0], period), beside[1] - here[1])
-                        b = math.hypot(_wrapped(below[0] - here[0], period), below[1] - here[1])
-                        mip = math.log2(max(max(a, b), 1e-30)) + 1e-3
-                        finest_mip = min(finest_mip, int(math.floor(mip - 2e-2)))
-                        coarsest_mip = max(coarsest_mip, int(math.floor(mip + 2e-2)))
-                        if hits == 0:
-                            anchor_u = here[0]
-                            u_low, u_high, v_low, v_high = 0.0, 0.0, here[1], here[1]
-                        u = _wrapped(here[0] - anchor_u, period)
-                        u_low, u_high = min(u_low, u), max(u_high, u)
-                        v_low, v_high = min(v_low, here[1]), max(v_high, here[1])
-                        hits += 1
-                    smallest = max(x1 - x0, y1 - y0) <= _MIN_CELL_PX
-                    if hits == 0 and max(x1 - x0, y1 - y0) <= 4 * _MIN_CELL_PX:
-                        continue
-                    done = False
-                    if hits:
-                        low, high = 0.0, 0.0
-                        if eyes:
-                            low, high = _rect_tolerance((x0 + 0.5) * px, (y0 + 0.5) * py, (x1 - 0.5) * px, (y1 - 0.5) * py,
-                                                        eye_x, eye_y, height2, reach)  # fmt: skip
-                        finest = min(max(finest_mip + _hidden_levels(low) + bias, 0), top)
-                        coarsest = min(max(coarsest_mip + _hidden_levels(high) + bias, 0), top)
-                        extent = max(u_high - u_low, v_high - v_low) / 2.0**finest
-                        span = 256.0 * 2.0**finest
-                        one_page = math.floor((anchor_u + u_low) / span) == math.floor((anchor_u + u_high) / span) and math.floor(v_low / span) == math.floor(v_high / span)
-                        done = smallest or (hits == 9 and finest == coarsest and (extent <= 64.0 or one_page))
-                    if done:
-                        slop = 0.02 * max(u_high - u_low, v_high - v_low) + 0.01
-                        for level in range(finest, coarsest + 1):
-                            span = 256.0 * 2.0**level
-                            r0 = max(int(math.floor((v_low - slop) / span)), 0)
-                            r1 = min(int(math.floor((v_high + slop) / span)), rows[level] - 1)
-                            # Level by level, because with a wrapped image column -1 is the last one.
-                            c0 = int(math.floor((anchor_u + u_low - slop) / span))
-                            c1 = int(math.floor((anchor_u + u_high + slop) / span))
-                            if full_turn and anchor_u + u_high + slop >= image_px[0]:
-                                c1 = max(c1, columns[level])
-                            for r in range(r0, r1 + 1):
-                                for c in range(c0, c1 + 1):
-                                    if full_turn:
-                                        column = c % columns[level]
-                                    elif 0 <= c < columns[level]:
-                                        column = c
-                                    else:
-                                        continue
-                                    coverage[first[level] + r * columns[level] + column] += (x1 - x0) * (y1 - y0)
-                    elif not smallest:
-                        half_x = x0 + max(1.0, math.floor((x1 - x0) / 2)) if x1 - x0 > _MIN_CELL_PX else x1
-                        half_y = y0 + max(1.0, math.floor((y1 - y0) / 2)) if y1 - y0 > _MIN_CELL_PX else y1
-                        for quarter in range(4):
-                            cx0, cx1 = (x0, half_x) if quarter % 2 == 0 else (half_x, x1)
-                            cy0, cy1 = (y0, half_y) if quarter // 2 == 0 else (half_y, y1)
-                            if cx0 < cx1 and cy0 < cy1:
-                                stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = cx0, cy0, cx1, cy1
-                                depth += 1
+        across, below = right[p] * pitch_m[p, 0], down[p] * pitch_m[p, 1]
+        for start in range(math.ceil(size_px[p, 0] / _FIRST_CELL_PX) * math.ceil(size_px[p, 1] / _FIRST_CELL_PX)):
+            columns = math.ceil(size_px[p, 0] / _FIRST_CELL_PX)
+            x, y = (start % columns) * _FIRST_CELL_PX, (start // columns) * _FIRST_CELL_PX
+            stack[0, 0], stack[0, 1] = x, y
+            stack[0, 2], stack[0, 3] = min(x + _FIRST_CELL_PX, size_px[p, 0]), min(y + _FIRST_CELL_PX, size_px[p, 1])
+            depth = 1
+            while depth:
+                depth -= 1
+                cell = (stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3])
+                if not _visit(shape, pages, origin_m[p], across, below, cell, pitch_m[p],
+                              eye_x, eye_y, height2, reach, bias, coverage):  # fmt: skip
+                    depth = _cut_cell(cell, stack, depth)
+
+
+@njit(cache=True, nogil=True)
+def _cut_cell(cell, stack, depth):
+    """Push a cell's halves (or quarters) on the stack; returns the new depth."""
+    x0, y0, x1, y1 = cell
+    half_x = x0 + math.floor((x1 - x0) / 2) if x1 - x0 > _MIN_CELL_PX else x1
+    half_y = y0 + math.floor((y1 - y0) / 2) if y1 - y0 > _MIN_CELL_PX else y1
+    for quarter in range(4):
+        left, right = (x0, half_x) if quarter % 2 == 0 else (half_x, x1)
+        above, below = (y0, half_y) if quarter // 2 == 0 else (half_y, y1)
+        if left < right and above < below:
+            stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = left, above, right, below
+            depth += 1
+    return depth

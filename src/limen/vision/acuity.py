@@ -68,7 +68,9 @@ def optimal_distance_m(pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN) ->
 def acuity_level(distance_m: float, pitch_m: float, acuity_arcmin: float = ...) -> int: ...
 @overload
 def acuity_level(distance_m: Floats, pitch_m: float, acuity_arcmin: float = ...) -> NDArray[np.int64]: ...
-def acuity_level(distance_m: ArrayLike, pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN) -> int | NDArray[np.int64]:
+def acuity_level(
+    distance_m: ArrayLike, pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN
+) -> int | NDArray[np.int64]:
     """Pyramid levels that distance hides: ``floor(max(0, log2(D / Dopt)))``.
 
     Papadopoulos, Kaufman 2013, section 3.2; the floor biases toward quality.

@@ -1,0 +1,46 @@
+"""How arguments that several verbs share are written, and what they become."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from limen.display.display import Display
+from limen.errors import InputError
+from limen.geometry import Vec3, as_vec3
+from limen.placement import Fit
+
+__all__ = ["AcuityOption", "DisplayOption", "FitOption", "PanelsOption", "PolicyOption", "chosen_panels", "place"]
+
+DisplayOption = Annotated[str, Parameter(help="A preset's name or a display file (TOML); see `limen display`.")]
+PanelsOption = Annotated[
+    list[str], Parameter(consume_multiple=True, negative="", help="Only panels whose names match, e.g. 'front/*'.")
+]
+PolicyOption = Annotated[
+    Literal["full", "acuity", "snellen"],
+    Parameter(help="full: the ordinary mip level. acuity: also what distance hides. snellen: acuity at 1 arcminute."),
+]
+AcuityOption = Annotated[str, Parameter(help="Smallest detail seen: arcminutes, 'human' (0.64) or 'snellen' (1).")]
+FitOption = Annotated[Fit, Parameter(help="How the image lies on the display's unrolled surface.")]
+
+
+def chosen_panels(display: str, panels: Sequence[str]) -> Display:
+    """The display, or the part of it that was asked for."""
+    whole = Display.named(display)
+    return whole.select(panels) if panels else whole
+
+
+def place(text: str, option: str) -> Vec3:
+    """``X,Y,Z`` in metres.
+
+    Raises
+    ------
+    InputError
+        If it is anything else; ``option`` names where it came from.
+    """
+    try:
+        return as_vec3((float(part) for part in text.split(",")), option)
+    except ValueError:
+        raise InputError(f"{option} takes three numbers in metres, X,Y,Z, got '{text}'") from None

@@ -1,0 +1,130 @@
+"""``limen display``: check, list, draw and convert a display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import Parameter
+
+from limen.cli.output import DEFAULT, Common, Output
+from limen.display.display import Display
+from limen.display.panel import Panel
+from limen.present.file import write_atomically, write_picture
+from limen.present.room import draw_room
+from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, optimal_distance_m
+
+__all__ = ["display"]
+
+
+class PanelRow(msgspec.Struct):
+    name: str
+    size_px: tuple[int, int]
+    size_m: tuple[float, float]
+    pitch_m: float
+    optimal_distance_m: float  # at one arcminute, as in the papers
+    optimal_distance_human_m: float
+    centre_m: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    node: str
+
+
+class DisplayReport(msgspec.Struct):
+    name: str
+    description: str
+    panels: list[PanelRow]
+    total_px: int
+    surface_m: tuple[float, float]
+    nodes: int
+    picture: str | None = None
+    toml: str | None = None
+
+
+def display(
+    display: Annotated[str, Parameter(help="A preset's name or a display file (TOML).")],
+    /,
+    *,
+    picture: Annotated[Path | None, Parameter(help="Draw the room to this file (.png, .jpg).")] = None,
+    to_toml: Annotated[Path | None, Parameter(help="Write the display with every panel spelled out.")] = None,
+    common: Common = DEFAULT,
+) -> None:
+    """Check, list, draw or convert a display.
+
+    Example: limen display reality-deck --picture room.png
+    """
+    out = Output(common)
+    chosen = Display.named(display)
+    report = _report(chosen)
+    if picture is not None:
+        write_picture(picture, draw_room(chosen))
+        report.picture = str(picture)
+    if to_toml is not None:
+        write_atomically(to_toml, lambda file: file.write(chosen.to_toml().encode()))
+        report.toml = str(to_toml)
+    _print(out, chosen, report)
+    out.result(report)
+
+
+def _report(chosen: Display) -> DisplayReport:
+    surface = chosen.surface
+    return DisplayReport(
+        name=chosen.name,
+        description=chosen.description,
+        panels=[_row(panel) for panel in chosen.panels],
+        total_px=chosen.total_px,
+        surface_m=(surface.width, surface.height),
+        nodes=len(chosen.nodes),
+    )
+
+
+def _row(panel: Panel) -> PanelRow:
+    centre = panel.centre_m
+    pitch = panel.pitch_m[0]
+    return PanelRow(
+        name=panel.name,
+        size_px=panel.size_px,
+        size_m=panel.size_m,
+        pitch_m=pitch,
+        optimal_distance_m=optimal_distance_m(pitch, SNELLEN_ARCMIN),
+        optimal_distance_human_m=optimal_distance_m(pitch, HUMAN_ARCMIN),
+        centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
+        normal=panel.normal,
+        node=panel.node,
+    )
+
+
+def _print(out: Output, chosen: Display, report: DisplayReport) -> None:
+    columns = ["panel", "pixels", "size m", "pitch mm", "Dopt m", "node"]
+    rows = []
+    for grid, panels in chosen.grids().items():
+        # A wall of equal panels is one line; -v shows them all.
+        listed = panels if out.common.verbose else panels[:1]
+        for panel in listed:
+            row = _row(panel)
+            name = panel.name if out.common.verbose or len(panels) == 1 else f"{grid}/*  x {len(panels)}"
+            nodes = sorted({each.node for each in panels} - {""})
+            node = (
+                panel.node if out.common.verbose else (f"{nodes[0]}..{nodes[-1]}" if len(nodes) > 1 else "".join(nodes))
+            )
+            rows.append(
+                (
+                    name,
+                    f"{row.size_px[0]} x {row.size_px[1]}",
+                    f"{row.size_m[0]:.3f} x {row.size_m[1]:.3f}",
+                    f"{row.pitch_m * 1000:.4f}",
+                    f"{row.optimal_distance_m:.2f} {row.optimal_distance_human_m:.2f}",
+                    node,
+                )
+            )
+    out.line(f"{report.name}: {report.description}" if report.description else report.name)
+    out.table("", columns, rows)
+    width, height = report.surface_m
+    out.line(
+        f"{len(chosen.panels)} panels, {report.total_px / 1e6:,.1f} megapixels, "
+        f"unrolled surface {width:.2f} x {height:.2f} m"
+    )
+    out.line(f"Dopt: where one pixel subtends {SNELLEN_ARCMIN:g} and {HUMAN_ARCMIN:g} arcminutes")
+    for label, path in (("picture", report.picture), ("display file", report.toml)):
+        if path:
+            out.line(f"{label}: {path}")

@@ -1,0 +1,48 @@
+"""``limen info``: what a file is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import limen.data
+from limen.cli.output import DEFAULT, Common, Output
+
+__all__ = ["info"]
+
+
+def info(file: Path, *, common: Common = DEFAULT) -> None:
+    """What a file is: kind, size, levels, pages, colour.
+
+    Example: limen info mars.tif
+
+    Parameters
+    ----------
+    file
+        An image: pyramidal TIFF, slide, Deep Zoom, or any picture.
+    """
+    out = Output(common)
+    with limen.data.open(file) as image:
+        found = image.info()
+    out.result(found)
+    width, height = found.size
+    stored = f"{found.format} ({found.compression}, {found.bits} bits), {_amount(found.bytes)}"
+    out.line(f"{found.path}: {found.kind}, {stored}")
+    gigapixels = width * height / 1e9
+    out.line(f"  {width} x {height} texels, {gigapixels:.3f} gigapixels, {found.pages} pages of {found.page_px}")
+    out.line(f"  colour: {found.colour}")
+    where = "read in place" if found.in_place else "decoded into memory"
+    tile = f"{found.tile_px[0]} x {found.tile_px[1]}"
+    out.line(f"  tiles of {tile}, {where}; levels in the file: {len(found.file_levels)}")
+    if found.mean_page_bytes is not None:
+        out.line(f"  {_amount(found.mean_page_bytes)} a page at full resolution")
+    edge = found.page_px
+    rows = [(level, f"{w} x {h}", -(-w // edge) * -(-h // edge)) for level, (w, h) in enumerate(found.levels)]
+    out.table("", ("level", "texels", "pages"), rows)
+
+
+def _amount(size_bytes: float) -> str:
+    for unit in ("bytes", "kB", "MB"):
+        if size_bytes < 1000:
+            return f"{size_bytes:.3g} {unit}"
+        size_bytes /= 1000
+    return f"{size_bytes:.3g} GB"

@@ -1,0 +1,69 @@
+"""A file that is either complete or not there."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+from limen.errors import MissingFileError, StorageError
+
+__all__ = ["PartialFile", "is_disk_full"]
+
+
+def is_disk_full(error: OSError) -> bool:
+    return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class PartialFile:
+    """``with PartialFile(path) as file:`` writes beside ``path`` and moves there at the end, after the disk has it.
+
+    Whatever goes wrong in between (an error, Ctrl-C, a full disk) leaves nothing behind, and an older file at
+    ``path`` as it was. MissingFileError if the folder does not exist, StorageError if it cannot be written to.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
+
+    def __enter__(self) -> BinaryIO:
+        if not self.path.parent.is_dir():
+            raise MissingFileError(f"{self.path}: the folder {self.path.parent} does not exist; make it first")
+        if self.path.is_dir():
+            raise StorageError(f"{self.path}: is a folder; name a file")
+        try:
+            self._file = self.partial.open("wb", buffering=1 << 20)
+        except OSError as error:
+            raise StorageError(f"{self.path}: cannot be written: {error.strerror}") from error
+        return self._file
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self._file.flush()
+                os.fsync(self._file.fileno())
+                self._file.close()
+                self.partial.replace(self.path)
+                self._sync_folder()
+        finally:
+            # Closing flushes, which fails again on a full disk; the file is thrown away in any case.
+            with contextlib.suppress(OSError):
+                self._file.close()
+            with contextlib.suppress(OSError):
+                self.partial.unlink(missing_ok=True)
+
+    def _sync_folder(self) -> None:
+        """Make the new name itself durable, where folders can be opened (not on Windows)."""
+        if not hasattr(os, "O_DIRECTORY"):
+            return
+        handle = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            with contextlib.suppress(OSError):  # some network file systems refuse
+                os.fsync(handle)
+        finally:
+            os.close(handle)

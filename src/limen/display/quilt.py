@@ -1,0 +1,106 @@
+"""Quilts: the rectangular images that the panels of one output are packed in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.display.display import Display
+from limen.errors import DisplayError
+
+__all__ = ["Quilt", "pack", "pieces"]
+
+
+@dataclass(frozen=True, slots=True)
+class Quilt:
+    """One image that several panels share.
+
+    Parameters
+    ----------
+    size_px
+        Width and height of the image.
+    panels
+        Indices of the panels into the display.
+    offsets_px
+        Where the first pixel of each of them lies in the image.
+    """
+
+    size_px: tuple[int, int]
+    panels: tuple[int, ...]
+    offsets_px: tuple[tuple[int, int], ...]
+
+
+def pack(
+    display: Display, *, max_size_px: int = 8192, max_px: int = 2**26, panels: Sequence[int] | None = None
+) -> list[Quilt]:
+    """Panels side by side on shelves, in as few quilts as shelves of falling height need.
+
+    Parameters
+    ----------
+    max_size_px
+        Longest side of a quilt: what the adapter's textures allow.
+    max_px
+        Most pixels of a quilt, which bounds the memory of drawing and reading it back (2^26 are 268 MB each).
+    panels
+        Indices of the panels to pack; all of them by default.
+
+    Raises
+    ------
+    DisplayError
+        If one panel alone exceeds a limit.
+    """
+    chosen = range(len(display.panels)) if panels is None else panels
+    sizes = {index: display.panels[index].size_px for index in chosen}
+    for index, (width, height) in sizes.items():
+        if max(width, height) > max_size_px or width * height > max_px:
+            raise DisplayError(
+                f"panel '{display.panels[index].name}' has {width} x {height} pixels; this adapter draws at most "
+                f"{max_size_px} a side and {max_px} in all: split the panel"
+            )
+    waiting = sorted(sizes, key=lambda index: (-sizes[index][1], -sizes[index][0], index))
+    quilts = []
+    while waiting:
+        quilt = _fill(waiting, sizes, max_size_px, max_px)
+        quilts.append(quilt)
+        packed = set(quilt.panels)
+        waiting = [index for index in waiting if index not in packed]
+    return quilts
+
+
+def pieces(display: Display, quilt: Quilt, image: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
+    """The picture of every panel of a quilt, by the panel's name: views of ``image``, (H, W, ...)."""
+    pictures = {}
+    for index, (x, y) in zip(quilt.panels, quilt.offsets_px, strict=True):
+        width, height = display.panels[index].size_px
+        pictures[display.panels[index].name] = image[y : y + height, x : x + width]
+    return pictures
+
+
+def _fill(waiting: list[int], sizes: dict[int, tuple[int, int]], max_size_px: int, max_px: int) -> Quilt:
+    """One quilt with the first panels of a list, tallest first, that fit."""
+    shelf_px = _shelf_width(waiting, sizes, max_size_px, max_px)
+    placed: dict[int, tuple[int, int]] = {}
+    x, y, shelf_height, width_used = 0, 0, 0, 0
+    for index in waiting:
+        width, height = sizes[index]
+        if placed and x + width > shelf_px:
+            x, y, shelf_height = 0, y + shelf_height, 0
+        height_after = y + max(shelf_height, height)
+        if height_after > max_size_px or max(width_used, x + width) * height_after > max_px:
+            break
+        placed[index] = (x, y)
+        x, shelf_height = x + width, max(shelf_height, height)
+        width_used = max(width_used, x)
+    order = sorted(placed)
+    return Quilt((width_used, y + shelf_height), tuple(order), tuple(placed[index] for index in order))
+
+
+def _shelf_width(waiting: list[int], sizes: dict[int, tuple[int, int]], max_size_px: int, max_px: int) -> int:
+    """A width that makes the quilt about square, so that neither side meets the adapter's limit early."""
+    area = min(sum(sizes[index][0] * sizes[index][1] for index in waiting), max_px)
+    widest = max(sizes[index][0] for index in waiting)
+    across = max(1, round(float(np.sqrt(area)) / widest))
+    return min(max_size_px, max(widest, across * widest))

@@ -1,0 +1,237 @@
+"""Draws an image into quilts: pages from the pool, each pixel at the level that the tolerance asks for.
+
+References
+----------
+Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, section 3.2 (the level of a pixel).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import wgpu
+from numpy.typing import NDArray
+
+from limen.display.quilt import Quilt
+from limen.draw import records
+from limen.geometry import Vec3
+from limen.gpu.buffers import GrowingBuffer, TextureReader
+from limen.gpu.device import Device
+from limen.gpu.pool import PagePool
+from limen.gpu.shader import load_shader
+from limen.placement import OnShape
+from limen.select.cut import Cut
+from limen.select.image import View
+from limen.stream import Drawable
+from limen.tolerance import Tolerance
+
+__all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "ImageLayer", "Overlay", "Sampling"]
+
+Sampling: TypeAlias = Literal["sharp", "fast"]
+Overlay: TypeAlias = Literal["levels", "exact"]
+
+QUILT_FORMAT = "rgba8unorm-srgb"
+EXACT_FORMAT = "rgba8unorm"
+"""Format for the overlay ``exact``: level, levels coarser, the panel's place in the quilt, 255 where drawn."""
+
+_KERNELS: dict[Sampling, int] = {"fast": 0, "sharp": 1}
+_OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2}
+_BLACK = (0.0, 0.0, 0.0, 0.0)
+
+_FLAT_BINDINGS = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear")
+_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear")
+_NUMBERS = {"frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7}
+
+
+class ImageLayer:
+    """One image on one display.
+
+    Parameters
+    ----------
+    view
+        The image on the display; for another placement, make another layer on the same pool.
+    pool
+        Where the image's pages are.
+    sampling
+        ``sharp``: a cubic kernel as wide as the pixel's footprint. ``fast``: bilinear, for live windows without a
+        GPU; it aliases where a pixel covers nearly two texels.
+    """
+
+    def __init__(self, device: Device, view: View, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
+        self._device, self._view, self._pool = device, view, pool
+        self._kernel = _KERNELS[sampling]
+        self._bent = isinstance(view.placement, OnShape)
+        self._names = _BENT_BINDINGS if self._bent else _FLAT_BINDINGS
+        self._shader = load_shader(device, "limen.draw", "image.wgsl")
+        self._layout = self._bind_group_layout()
+        self._pipelines: dict[tuple[str, Overlay | None], Any] = {}
+        self._targets: dict[tuple[tuple[int, int], str], Any] = {}
+        self._static_rows: dict[Quilt, records.Rows] = {}
+        storage = wgpu.BufferUsage.STORAGE
+        self._buffers = {
+            name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "quads", "table", "levels")
+        }
+        self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
+        self._buffers["levels"].write(records.level_rows(view.pyramid))
+        self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
+        self._reader = TextureReader(device)
+        self._table_of: Drawable | None = None
+        self._bind_group: Any = None
+        self._bound: tuple[int, ...] = ()
+
+    def place(self, view: View) -> None:
+        """Go on with another view of the same image on the same display (a pan or a zoom on the surface)."""
+        if isinstance(view.placement, OnShape) != self._bent or view.pyramid.size_px != self._view.pyramid.size_px:
+            raise ValueError("another image, or another kind of placement, needs another layer")
+        self._view = view
+        self._static_rows.clear()
+
+    def draw(
+        self,
+        cut: Cut,
+        drawable: Drawable,
+        tolerance: Tolerance,
+        quilt: Quilt,
+        *,
+        eye_m: Vec3 | None = None,
+        overlay: Overlay | None = None,
+        target: Any = None,
+        target_format: str = QUILT_FORMAT,
+    ) -> Any:
+        """Draw the panels of a quilt; beyond the image and outside panels' outlines the quilt is black.
+
+        Parameters
+        ----------
+        cut
+            What the selector chose for the same view and tolerance.
+        drawable
+            ``stream.drawable(cut.pair_page)`` for an image on the surface, ``stream.all_drawable()`` for one on a
+            shape (whose table is copied to the GPU only when it is another object than last time).
+        tolerance
+            The tolerance that the cut was chosen for.
+        eye_m
+            The eye point of an image on a shape, unless the shape fixes it.
+        overlay
+            ``levels`` tints each pixel by its level; ``exact`` writes numbers instead, see `EXACT_FORMAT`.
+        target
+            A texture view to draw into (a window's), of ``target_format`` and the quilt's size.
+
+        Returns
+        -------
+        texture
+            The quilt's texture, valid until the next draw of a quilt of the same size; ``None`` with a ``target``.
+        """
+        if overlay == "exact":
+            target_format = EXACT_FORMAT
+        instances = self._write(cut, drawable, tolerance, quilt, eye_m)
+        texture = None if target is not None else self._target(quilt.size_px, target_format)
+        encoder = self._device.wgpu.create_command_encoder(label="image")
+        render_pass = encoder.begin_render_pass(
+            color_attachments=[
+                {
+                    "view": texture.create_view() if texture is not None else target,
+                    "clear_value": _BLACK,
+                    "load_op": "clear",
+                    "store_op": "store",
+                }
+            ]
+        )
+        if instances:
+            render_pass.set_pipeline(self._pipeline(target_format, overlay))
+            render_pass.set_bind_group(0, self._group())
+            render_pass.draw(4, instances)
+        render_pass.end()
+        self._device.wgpu.queue.submit([encoder.finish()])
+        return texture
+
+    def read(self, texture: Any) -> NDArray[np.uint8]:
+        """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
+        return self._reader.read(texture)
+
+    def destroy(self) -> None:
+        """Free everything but the pool."""
+        for texture in self._targets.values():
+            texture.destroy()
+        self._targets.clear()
+        for buffer in self._buffers.values():
+            buffer.destroy()
+        self._reader.destroy()
+        self._pipelines.clear()
+        self._bind_group = self._layout = self._sampler = self._shader = None
+
+    # ------------------------------------------------------------------ steps of a draw
+
+    def _write(self, cut: Cut, drawable: Drawable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None) -> int:
+        """Hand the frame over; returns how many quads are to be drawn."""
+        view, buffers = self._view, self._buffers
+        pool = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
+        buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool))
+        buffers["panels"].write(self._panel_rows(quilt, eye_m))
+        buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
+        if self._bent:
+            if drawable is not self._table_of:
+                buffers["table"].write(records.page_table(drawable))
+                self._table_of = drawable
+            return len(quilt.panels)
+        quads = records.page_quads(view, quilt, cut, drawable)
+        buffers["quads"].write(quads)
+        return len(quads)
+
+    def _panel_rows(self, quilt: Quilt, eye_m: Vec3 | None) -> records.Rows:
+        if self._bent:
+            return records.panel_rows(self._view, quilt, eye_m)
+        if quilt not in self._static_rows:
+            self._static_rows[quilt] = records.panel_rows(self._view, quilt, eye_m)
+        return self._static_rows[quilt]
+
+    def _target(self, size_px: tuple[int, int], target_format: str) -> Any:
+        key = (size_px, target_format)
+        if key not in self._targets:
+            usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
+            self._targets[key] = self._device.wgpu.create_texture(
+                label="quilt", size=(*size_px, 1), format=target_format, usage=usage
+            )
+        return self._targets[key]
+
+    def _group(self) -> Any:
+        """The bind group; a new one where a buffer had to grow."""
+        used = [self._buffers[name] for name in self._names if name in self._buffers]
+        state = tuple(buffer.generation for buffer in used)
+        if self._bind_group is None or state != self._bound:
+            resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()}
+            resources |= {"pool": self._pool.texels, "bilinear": self._sampler}
+            entries = [{"binding": _NUMBERS[name], "resource": resources[name]} for name in self._names]
+            self._bind_group = self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
+            self._bound = state
+        return self._bind_group
+
+    def _bind_group_layout(self) -> Any:
+        both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
+        kinds: dict[str, dict[str, Any]] = {
+            "frame": {"buffer": {"type": "uniform"}},
+            "pool": {"texture": {"sample_type": "float", "view_dimension": "2d-array"}},
+            "bilinear": {"sampler": {"type": "filtering"}},
+        }
+        storage = {"buffer": {"type": "read-only-storage"}}
+        entries = [{"binding": _NUMBERS[name], "visibility": both, **kinds.get(name, storage)} for name in self._names]
+        return self._device.wgpu.create_bind_group_layout(entries=entries)
+
+    def _pipeline(self, target_format: str, overlay: Overlay | None) -> Any:
+        key = (target_format, overlay)
+        if key not in self._pipelines:
+            kind = "bent" if self._bent else "flat"
+            constants = {"KERNEL": self._kernel, "OVERLAY": _OVERLAYS[overlay]}
+            self._pipelines[key] = self._device.wgpu.create_render_pipeline(
+                label=f"image {kind}",
+                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+                vertex={"module": self._shader, "entry_point": f"{kind}_vertex"},
+                primitive={"topology": "triangle-strip"},
+                fragment={
+                    "module": self._shader,
+                    "entry_point": f"{kind}_fragment",
+                    "constants": constants,
+                    "targets": [{"format": target_format}],
+                },
+            )
+        return self._pipelines[key]

@@ -1,0 +1,445 @@
+// Draws an image's pages on panels, and finds the pages that panels need.
+//
+// Three ways in:
+//   flat_*    one quad per (panel, page); the processor chose the pages' slots
+//   bent_*    one quad per panel; every pixel maps itself and looks its page up in a table
+//   feedback  counts, on a reduced grid of pixels, how often every page is needed
+//
+// All three decide the level with the same functions. The processor's twin of them is limen.select.kernels.
+
+// 0: bilinear. 1: Catmull-Rom, widened to the pixel's footprint.
+override KERNEL: u32 = 1u;
+// 0: the picture. 1: the level's colour over the picture. 2: level, levels coarser, panel as numbers.
+override OVERLAY: u32 = 0u;
+
+const PAGE: f32 = 256.0;
+const GUTTER: f32 = 4.0;
+const SIDE: f32 = 264.0;
+const PI: f32 = 3.14159265358979;
+const NO_PAGE: u32 = 0xffffffffu;
+const MAX_TAPS: i32 = 8;
+
+struct Frame {
+    quilt_px: vec2<f32>,
+    image_px: vec2<f32>,
+    // The eye point of an image on a shape, in the shape's own frame.
+    eye: vec4<f32>,
+    eyes: u32,
+    bias: i32,
+    top: i32,
+    // 0: on the surface. 1: plane. 2: cylinder. 3: ellipsoid.
+    shape: u32,
+    turn: f32,
+    divisor: u32,
+    jitter_px: vec2<u32>,
+    pool_columns: u32,
+    pool_rows: u32,
+    padding: vec2<u32>,
+}
+
+struct Panel {
+    quilt_px: vec2<u32>,
+    size_px: vec2<u32>,
+    pitch_m: vec2<f32>,
+    mip: i32,
+    outline_edges: u32,
+    // On the surface: texel = scale * pixel + 256 * first + offset.
+    scale: vec2<f32>,
+    offset: vec2<f32>,
+    first_page: vec2<i32>,
+    padding: vec2<i32>,
+    // On a shape: the ray through pixel (x, y) is ray + x * ray_right + y * ray_down, in the shape's frame.
+    ray: vec4<f32>,
+    ray_right: vec4<f32>,
+    ray_down: vec4<f32>,
+    // Inside the outline where x * edge.x + y * edge.y + edge.z >= 0 for every edge.
+    outline: array<vec4<f32>, 8>,
+}
+
+struct PageQuad {
+    // Left, top, right, bottom: the pixels whose centres lie in the page.
+    rect_px: vec4<u32>,
+    // Texel of the page drawn = scale * pixel + offset.
+    scale: vec2<f32>,
+    offset: vec2<f32>,
+    panel: u32,
+    level: u32,
+    slot: u32,
+    coarser: u32,
+}
+
+struct Level {
+    columns: u32,
+    rows: u32,
+    first_page: u32,
+    padding: u32,
+    colour: vec4<f32>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> panels: array<Panel>;
+// Per panel and eye: the foot point on the panel (m), the squared height over it (m2), pixels per metre of distance.
+@group(0) @binding(2) var<storage, read> eyes: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> quads: array<PageQuad>;
+@group(0) @binding(4) var<storage, read> levels: array<Level>;
+// Per page of the pyramid: slot << 8 | levels coarser.
+@group(0) @binding(5) var<storage, read> table: array<u32>;
+@group(0) @binding(6) var pool: texture_2d_array<f32>;
+@group(0) @binding(7) var bilinear: sampler;
+@group(0) @binding(8) var<storage, read_write> coverage: array<atomic<u32>>;
+
+// ---------------------------------------------------------------- tolerance and level
+
+// The largest invisible error at a pixel, in pixels; the most demanding eye decides.
+fn tolerance_px(panel: u32, pixel: vec2<f32>) -> f32 {
+    let place = pixel * panels[panel].pitch_m;
+    var least = select(3.0e38, 0.0, frame.eyes == 0u);
+    for (var k = 0u; k < frame.eyes; k++) {
+        let eye = eyes[panel * frame.eyes + k];
+        let aside = place - eye.xy;
+        least = min(least, eye.w * sqrt(eye.z + dot(aside, aside)));
+    }
+    return least;
+}
+
+// floor(log2(x)) of a positive number, exactly: its exponent's bits.
+fn floor_log2(x: f32) -> i32 {
+    return i32(bitcast<u32>(x) >> 23u) - 127;
+}
+
+// The level a pixel is drawn at: the mip level and what distance hides.
+fn level_of(panel: u32, pixel: vec2<f32>, mip: i32) -> i32 {
+    let hidden = max(floor_log2(max(tolerance_px(panel, pixel), 1.0)), 0);
+    return clamp(mip + hidden + frame.bias, 0, frame.top);
+}
+
+fn in_outline(panel: u32, pixel: vec2<f32>) -> bool {
+    for (var k = 0u; k < panels[panel].outline_edges; k++) {
+        let edge = panels[panel].outline[k];
+        if dot(edge.xy, pixel) + edge.z < 0.0 {
+            return false;
+        }
+    }
+    return true;
+}
+
+// ---------------------------------------------------------------- shapes
+
+// Where a ray meets the image, and how the place moves to the next pixel right and down, in texels.
+struct Place {
+    seen: bool,
+    texel: vec2<f32>,
+    right: vec2<f32>,
+    down: vec2<f32>,
+}
+
+// Single precision to two units in the last place; the built-in may be off by 4,096 of them.
+fn exact_atan(tangent: f32) -> f32 {
+    let size = abs(tangent);
+    var z = size;
+    var base = 0.0;
+    if size > 2.414213562 {
+        z = -1.0 / size;
+        base = 0.5 * PI;
+    } else if size > 0.414213562 {
+        z = (size - 1.0) / (size + 1.0);
+        base = 0.25 * PI;
+    }
+    let z2 = z * z;
+    let tail = ((8.05374449538e-2 * z2 - 1.38776856032e-1) * z2 + 1.99777106478e-1) * z2 - 3.33329491539e-1;
+    return sign(tangent) * (base + tail * z2 * z + z);
+}
+
+fn exact_atan2(y: f32, x: f32) -> f32 {
+    if x > 0.0 {
+        return exact_atan(y / x);
+    }
+    let half_turn = select(-PI, PI, y >= 0.0);
+    if x == 0.0 {
+        return 0.5 * half_turn;
+    }
+    return half_turn + exact_atan(y / x);
+}
+
+// The quadratic form of the cylinder (x2 + z2) or the ellipsoid (x2 + y2 + z2).
+fn form(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return a.x * b.x + a.z * b.z + select(0.0, a.y * b.y, frame.shape == 3u);
+}
+
+fn plane_place(ray: vec3<f32>, right: vec3<f32>, down: vec3<f32>) -> Place {
+    let t = -frame.eye.z / ray.z;
+    let hit = frame.eye.xy + t * ray.xy;
+    var place = Place(t > 0.0, hit * frame.image_px, vec2<f32>(), vec2<f32>());
+    // The next pixel's hit less this one's, without subtracting large numbers.
+    place.right = (-frame.eye.z / (ray.z + right.z)) * (right.xy - ray.xy * (right.z / ray.z)) * frame.image_px;
+    place.down = (-frame.eye.z / (ray.z + down.z)) * (down.xy - ray.xy * (down.z / ray.z)) * frame.image_px;
+    return place;
+}
+
+// How far the hit of ray + step lies from the hit of ray (at parameter t), without subtracting large numbers.
+fn step_on_round(hit: vec3<f32>, t: f32, ray: vec3<f32>, step: vec3<f32>) -> vec3<f32> {
+    let beside = ray + step;
+    let from_hit = hit + t * step;
+    let a = form(beside, beside);
+    let b = form(from_hit, beside);
+    let c = t * (2.0 * form(hit, step) + t * form(step, step));
+    let root = sqrt(max(b * b - a * c, 0.0));
+    let back = -c / (b + select(-root, root, b >= 0.0));
+    return t * step + back * beside;
+}
+
+// How far a step on the shape moves the texel; longitude and latitude by the angle between the two places.
+fn texel_step(hit: vec3<f32>, step: vec3<f32>) -> vec2<f32> {
+    let after = hit + step;
+    let longitude = exact_atan2(step.x * hit.z - step.z * hit.x, after.x * hit.x + after.z * hit.z);
+    var v = 0.5 * step.y;
+    if frame.shape == 3u {
+        let radius = length(hit.xz);
+        let radius_after = length(after.xz);
+        let longer = dot(2.0 * hit.xz + step.xz, step.xz) / max(radius + radius_after, 1e-30);
+        v = exact_atan2(step.y * radius - hit.y * longer, radius * radius_after + hit.y * after.y) / PI;
+    }
+    return vec2<f32>(longitude / frame.turn, v) * frame.image_px;
+}
+
+fn round_place(ray: vec3<f32>, right: vec3<f32>, down: vec3<f32>) -> Place {
+    var place = Place(false, vec2<f32>(), vec2<f32>(), vec2<f32>());
+    let eye = frame.eye.xyz;
+    let a = form(ray, ray);
+    let b = form(eye, ray);
+    let root2 = b * b - a * (form(eye, eye) - 1.0);
+    if a == 0.0 || root2 < 0.0 {
+        return place;
+    }
+    let root = sqrt(root2);
+    var t = (-b - root) / a;
+    if t <= 0.0 {
+        t = (-b + root) / a;
+    }
+    let hit = eye + t * ray;
+    let u = 0.5 + exact_atan2(hit.x, hit.z) / frame.turn;
+    var v = 0.5 + 0.5 * hit.y;
+    if frame.shape == 3u {
+        v = 0.5 + exact_atan2(hit.y, length(hit.xz)) / PI;
+    }
+    place.seen = t > 0.0;
+    place.texel = vec2<f32>(u, v) * frame.image_px;
+    place.right = texel_step(hit, step_on_round(hit, t, ray, right));
+    place.down = texel_step(hit, step_on_round(hit, t, ray, down));
+    return place;
+}
+
+fn place_on_shape(panel: u32, pixel: vec2<f32>) -> Place {
+    let right = panels[panel].ray_right.xyz;
+    let down = panels[panel].ray_down.xyz;
+    let ray = panels[panel].ray.xyz + pixel.x * right + pixel.y * down;
+    var place: Place;
+    if frame.shape == 1u {
+        place = plane_place(ray, right, down);
+    } else {
+        place = round_place(ray, right, down);
+    }
+    place.seen = place.seen && all(place.texel >= vec2<f32>()) && all(place.texel < frame.image_px);
+    return place;
+}
+
+// floor(log2 A), A the longer of the two steps; a thousandth of tolerance as for images on the surface.
+fn mip_of(place: Place) -> i32 {
+    let footprint = sqrt(max(dot(place.right, place.right), dot(place.down, place.down)));
+    return i32(floor(log2(clamp(footprint, 1e-30, 1e30)) + 1e-3));
+}
+
+// ---------------------------------------------------------------- sampling
+
+struct Slot {
+    corner: vec2<f32>,
+    layer: i32,
+}
+
+fn place_of_slot(slot: u32) -> Slot {
+    let per_layer = frame.pool_columns * frame.pool_rows;
+    let inside = slot % per_layer;
+    let cell = vec2<f32>(f32(inside % frame.pool_columns), f32(inside / frame.pool_columns));
+    return Slot(cell * SIDE + GUTTER, i32(slot / per_layer));
+}
+
+// Catmull-Rom's cubic (Keys 1981, a = -1/2).
+fn weight(distance: f32) -> f32 {
+    let x = abs(distance);
+    if x < 1.0 {
+        return (1.5 * x - 2.5) * x * x + 1.0;
+    }
+    if x < 2.0 {
+        return ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0;
+    }
+    return 0.0;
+}
+
+// The light around a texel of a page, over the footprint of one pixel (texels along both axes).
+fn sharp(slot: Slot, texel: vec2<f32>, footprint: vec2<f32>) -> vec3<f32> {
+    let width = clamp(footprint, vec2<f32>(1.0), vec2<f32>(2.0));
+    let narrow = 1.0 / width;
+    // The gutter holds every texel nearer than two footprints of two.
+    let first = max(vec2<i32>(ceil(texel - 0.5 - 2.0 * width)), vec2<i32>(-4));
+    let last = min(vec2<i32>(floor(texel - 0.5 + 2.0 * width)), vec2<i32>(259));
+    let corner = vec2<i32>(slot.corner);
+    var columns: array<f32, 9>;
+    var sum_x = 0.0;
+    for (var i = first.x; i <= last.x; i++) {
+        let w = weight((f32(i) + 0.5 - texel.x) * narrow.x);
+        columns[i - first.x] = w;
+        sum_x += w;
+    }
+    var light = vec3<f32>();
+    var sum_y = 0.0;
+    for (var j = first.y; j <= last.y; j++) {
+        let w = weight((f32(j) + 0.5 - texel.y) * narrow.y);
+        sum_y += w;
+        if abs(w) < 1e-4 {
+            continue;
+        }
+        var row = vec3<f32>();
+        for (var i = first.x; i <= last.x; i++) {
+            row += columns[i - first.x] * textureLoad(pool, corner + vec2<i32>(i, j), slot.layer, 0).rgb;
+        }
+        light += w * row;
+    }
+    return clamp(light / (sum_x * sum_y), vec3<f32>(), vec3<f32>(1.0));
+}
+
+fn smooth_sample(slot: Slot, texel: vec2<f32>) -> vec3<f32> {
+    let atlas_px = vec2<f32>(f32(frame.pool_columns), f32(frame.pool_rows)) * SIDE;
+    return textureSampleLevel(pool, bilinear, (slot.corner + texel) / atlas_px, slot.layer, 0.0).rgb;
+}
+
+fn colour_of(slot: u32, texel: vec2<f32>, footprint: vec2<f32>, level: u32, coarser: u32, panel: u32) -> vec4<f32> {
+    if OVERLAY == 2u {
+        return vec4<f32>(f32(level), f32(coarser), f32(panel), 255.0) / 255.0;
+    }
+    let place = place_of_slot(slot);
+    var light: vec3<f32>;
+    if KERNEL == 0u {
+        light = smooth_sample(place, texel);
+    } else {
+        light = sharp(place, texel, footprint);
+    }
+    if OVERLAY == 1u {
+        light = mix(light, levels[level + coarser].colour.rgb, levels[level + coarser].colour.a);
+    }
+    return vec4<f32>(light, 1.0);
+}
+
+// ---------------------------------------------------------------- flat
+
+struct FlatVertex {
+    @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat) quad: u32,
+}
+
+// The quilt's position of a corner of a rectangle of one panel's pixels.
+fn corner_position(panel: u32, rect_px: vec4<u32>, corner: u32) -> vec4<f32> {
+    let x = select(rect_px.x, rect_px.z, (corner & 1u) == 1u);
+    let y = select(rect_px.y, rect_px.w, corner >= 2u);
+    let quilt = vec2<f32>(vec2<u32>(x, y) + panels[panel].quilt_px) / frame.quilt_px;
+    return vec4<f32>(2.0 * quilt.x - 1.0, 1.0 - 2.0 * quilt.y, 0.0, 1.0);
+}
+
+@vertex
+fn flat_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u32) -> FlatVertex {
+    return FlatVertex(corner_position(quads[index].panel, quads[index].rect_px, corner), index);
+}
+
+@fragment
+fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
+    let quad = quads[vertex.quad];
+    let pixel = vertex.position.xy - vec2<f32>(panels[quad.panel].quilt_px);
+    // Pages of neighbouring levels overlap: every pixel takes the one of its own level.
+    if level_of(quad.panel, pixel, panels[quad.panel].mip) != i32(quad.level) || !in_outline(quad.panel, pixel) {
+        discard;
+    }
+    let texel = quad.scale * pixel + quad.offset;
+    return colour_of(quad.slot, texel, abs(quad.scale), quad.level, quad.coarser, quad.panel);
+}
+
+// ---------------------------------------------------------------- bent
+
+struct BentVertex {
+    @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat) panel: u32,
+}
+
+@vertex
+fn bent_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) panel: u32) -> BentVertex {
+    return BentVertex(corner_position(panel, vec4<u32>(0u, 0u, panels[panel].size_px), corner), panel);
+}
+
+fn page_at(texel: vec2<f32>, level: u32) -> vec2<u32> {
+    let cell = vec2<u32>(max(texel, vec2<f32>()) / (PAGE * exp2(f32(level))));
+    return min(cell, vec2<u32>(levels[level].columns, levels[level].rows) - 1u);
+}
+
+fn page_number(cell: vec2<u32>, level: u32) -> u32 {
+    return levels[level].first_page + cell.y * levels[level].columns + cell.x;
+}
+
+@fragment
+fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
+    let pixel = vertex.position.xy - vec2<f32>(panels[vertex.panel].quilt_px);
+    let place = place_on_shape(vertex.panel, pixel);
+    if !place.seen || !in_outline(vertex.panel, pixel) {
+        discard;
+    }
+    let level = u32(level_of(vertex.panel, pixel, mip_of(place)));
+    let cell = page_at(place.texel, level);
+    let entry = table[page_number(cell, level)];
+    if entry == NO_PAGE {
+        discard;
+    }
+    let coarser = entry & 0xffu;
+    let shrink = exp2(-f32(level + coarser));
+    let texel = place.texel * shrink - vec2<f32>(cell >> vec2<u32>(coarser)) * PAGE;
+    let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
+    return colour_of(entry >> 8u, texel, footprint, level, coarser, vertex.panel);
+}
+
+// ---------------------------------------------------------------- feedback
+
+@compute @workgroup_size(8, 8)
+fn feedback(@builtin(global_invocation_id) id: vec3<u32>) {
+    let panel = id.z;
+    let at = id.xy * frame.divisor + frame.jitter_px;
+    if any(at >= panels[panel].size_px) {
+        return;
+    }
+    let pixel = vec2<f32>(at) + 0.5;
+    if !in_outline(panel, pixel) {
+        return;
+    }
+    var texel: vec2<f32>;
+    var mip = panels[panel].mip;
+    if frame.shape == 0u {
+        // Relative to a page, so that single precision suffices anywhere in a gigapixel image.
+        texel = panels[panel].scale * pixel + panels[panel].offset;
+        let whole = texel + vec2<f32>(panels[panel].first_page) * PAGE;
+        if any(whole < vec2<f32>()) || any(whole >= frame.image_px) {
+            return;
+        }
+    } else {
+        let place = place_on_shape(panel, pixel);
+        if !place.seen {
+            return;
+        }
+        texel = place.texel;
+        mip = mip_of(place);
+    }
+    let level = u32(level_of(panel, pixel, mip));
+    var cell: vec2<u32>;
+    if frame.shape == 0u {
+        let fine = vec2<i32>(floor(texel / PAGE)) + panels[panel].first_page;
+        let most = vec2<i32>(i32(levels[level].columns), i32(levels[level].rows)) - 1;
+        cell = vec2<u32>(clamp(fine >> vec2<u32>(level), vec2<i32>(), most));
+    } else {
+        cell = page_at(texel, level);
+    }
+    atomicAdd(&coverage[page_number(cell, level)], 1u);
+}

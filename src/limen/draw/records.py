@@ -1,0 +1,225 @@
+"""What the image shader reads, as rows: built in double precision, handed over in single. No GPU here.
+
+The dtypes are the structs of ``image.wgsl``, field by field; a test compares them.
+"""
+
+from __future__ import annotations
+
+import colorsys
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.pages import PAGE, Pyramid
+from limen.display.panel import Panel
+from limen.display.quilt import Quilt
+from limen.errors import InputError
+from limen.geometry import Floats, Vec3
+from limen.placement import OnShape
+from limen.select.cut import Cut
+from limen.select.image import View, shape_kind
+from limen.stream import Drawable
+from limen.tolerance import Tolerance
+
+__all__ = [
+    "FRAME",
+    "LEVEL",
+    "PAGE_QUAD",
+    "PANEL",
+    "eye_rows",
+    "frame_row",
+    "level_colours",
+    "level_rows",
+    "page_quads",
+    "page_table",
+    "panel_rows",
+]
+
+Rows: TypeAlias = NDArray[np.void]
+
+FRAME = np.dtype(
+    [
+        ("quilt_px", "<f4", 2),
+        ("image_px", "<f4", 2),
+        ("eye", "<f4", 4),
+        ("eyes", "<u4"),
+        ("bias", "<i4"),
+        ("top", "<i4"),
+        ("shape", "<u4"),
+        ("turn", "<f4"),
+        ("divisor", "<u4"),
+        ("jitter_px", "<u4", 2),
+        ("pool_columns", "<u4"),
+        ("pool_rows", "<u4"),
+        ("padding", "<u4", 2),
+    ]
+)
+PANEL = np.dtype(
+    [
+        ("quilt_px", "<u4", 2),
+        ("size_px", "<u4", 2),
+        ("pitch_m", "<f4", 2),
+        ("mip", "<i4"),
+        ("outline_edges", "<u4"),
+        ("scale", "<f4", 2),
+        ("offset", "<f4", 2),
+        ("first_page", "<i4", 2),
+        ("padding", "<i4", 2),
+        ("ray", "<f4", 4),
+        ("ray_right", "<f4", 4),
+        ("ray_down", "<f4", 4),
+        ("outline", "<f4", (8, 4)),
+    ]
+)
+PAGE_QUAD = np.dtype(
+    [
+        ("rect_px", "<u4", 4),
+        ("scale", "<f4", 2),
+        ("offset", "<f4", 2),
+        ("panel", "<u4"),
+        ("level", "<u4"),
+        ("slot", "<u4"),
+        ("coarser", "<u4"),
+    ]
+)
+LEVEL = np.dtype([("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("padding", "<u4"), ("colour", "<f4", 4)])
+
+_NO_PAGE = 0xFFFF_FFFF
+_RAINBOW_LEVELS = 8
+_VIOLET_HUE = 0.78
+_OVERLAY_SHARE = 0.35
+
+
+def level_colours(count: int) -> NDArray[np.float64]:
+    """sRGB colours (0 ... 1) of the overlay ``levels``: red is level 0, violet level 8 and above; shape (count, 3)."""
+    hues = [min(level, _RAINBOW_LEVELS) / _RAINBOW_LEVELS * _VIOLET_HUE for level in range(count)]
+    return np.array([colorsys.hsv_to_rgb(hue, 1.0, 1.0) for hue in hues])
+
+
+def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m: Vec3 | None, **fields: int) -> Rows:
+    """One row of `FRAME`; ``fields`` are those that only some passes know."""
+    row = np.zeros(1, FRAME)
+    row["quilt_px"], row["image_px"] = quilt_px, view.pyramid.size_px
+    row["eyes"], row["top"] = len(tolerance.tan_angle), len(view.pyramid.levels) - 1
+    placement = view.placement
+    if isinstance(placement, OnShape):
+        row["shape"], row["turn"] = 1 + shape_kind(placement), math.radians(placement.turn_deg)
+        row["eye"][0, :3] = _eye_in_shape(placement, eye_m)
+    for name, value in fields.items():
+        row[name] = value
+    return row
+
+
+def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
+    """Rows of `PANEL`, in the order of the quilt's panels."""
+    chosen = list(quilt.panels)
+    arrays = view.display.arrays
+    rows = np.zeros(len(chosen), PANEL)
+    rows["quilt_px"], rows["size_px"] = quilt.offsets_px, arrays.size_px[chosen]
+    rows["pitch_m"] = arrays.pitch_m[chosen]
+    for row, index in zip(rows, chosen, strict=True):
+        edges = _outline_edges(view.display.panels[index])
+        row["outline_edges"] = len(edges)
+        row["outline"][: len(edges), :3] = edges
+    if isinstance(view.placement, OnShape):
+        local = view.placement.local_from_room()
+        corner = arrays.origin_m[chosen] @ local[:3, :3].T + local[:3, 3]
+        rows["ray"][:, :3] = corner - _eye_in_shape(view.placement, eye_m)
+        rows["ray_right"][:, :3] = (arrays.right * arrays.pitch_m[:, :1])[chosen] @ local[:3, :3].T
+        rows["ray_down"][:, :3] = (arrays.down * arrays.pitch_m[:, 1:])[chosen] @ local[:3, :3].T
+        return rows
+    assert view.maps is not None
+    offset = view.maps.offset[chosen]
+    first = np.floor(offset / PAGE)
+    rows["mip"], rows["scale"] = view.maps.mip_level[chosen], view.maps.scale[chosen]
+    rows["first_page"], rows["offset"] = first, offset - first * PAGE
+    return rows
+
+
+def eye_rows(view: View, quilt: Quilt, tolerance: Tolerance) -> NDArray[np.float32]:
+    """Every eye in the frame of every panel of a quilt: foot point (m), squared height (m2), pixels per metre.
+
+    Near the panel, single precision suffices; the room's origin may be far away. Shape (panels * eyes, 4).
+    """
+    arrays, chosen = view.display.arrays, list(quilt.panels)
+    relative = tolerance.eyes_m[None] - arrays.origin_m[chosen][:, None]
+    x = np.einsum("pei,pi->pe", relative, arrays.right[chosen])
+    y = np.einsum("pei,pi->pe", relative, arrays.down[chosen])
+    height2 = np.maximum(0.0, (relative**2).sum(axis=2) - x**2 - y**2)
+    reach = tolerance.tan_angle[None] / arrays.pitch_m[chosen][:, :1]
+    return np.stack([x, y, height2, reach], axis=2).reshape(-1, 4).astype(np.float32)
+
+
+def level_rows(pyramid: Pyramid) -> Rows:
+    rows = np.zeros(len(pyramid.levels), LEVEL)
+    for row, level in zip(rows, pyramid.levels, strict=True):
+        row["columns"], row["rows"], row["first_page"] = level.columns, level.rows, level.first_page
+    rows["colour"][:, :3] = _linear(level_colours(len(rows)))
+    rows["colour"][:, 3] = _OVERLAY_SHARE
+    return rows
+
+
+def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
+    """Rows of `PAGE_QUAD` for the (panel, page) pairs of a cut that fall into a quilt.
+
+    A quad holds the pixels whose centres lie in the page, so neighbours share no pixel and leave none out,
+    whatever the rasteriser rounds.
+    """
+    assert view.maps is not None
+    row_of = np.full(len(view.display.panels), -1)
+    row_of[list(quilt.panels)] = np.arange(len(quilt.panels))
+    here = (row_of[cut.pair_panel] >= 0) & (drawable.slot >= 0)
+    panel, page = cut.pair_panel[here], cut.pair_page[here]
+    level, column, row = view.pyramid.page_of(page)
+    cell = np.stack([column, row], axis=1)
+    scale, offset = view.maps.scale[panel], view.maps.offset[panel]
+    span = PAGE * np.exp2(level)[:, None]
+    size_px = view.display.arrays.size_px[panel]
+
+    def first_pixel(texel: Floats) -> Floats:
+        return np.clip(np.ceil((texel - offset) / scale - 0.5), 0, size_px)
+
+    coarser = drawable.coarser[here]
+    shrink = np.exp2(-(level + coarser))[:, None]
+    rows = np.zeros(len(panel), PAGE_QUAD)
+    rows["rect_px"][:, :2] = first_pixel(cell * span)
+    rows["rect_px"][:, 2:] = first_pixel(np.minimum((cell + 1) * span, np.array(view.pyramid.size_px)))
+    rows["scale"], rows["offset"] = scale * shrink, offset * shrink - (cell >> coarser[:, None]) * PAGE
+    rows["panel"], rows["level"] = row_of[panel], level
+    rows["slot"], rows["coarser"] = drawable.slot[here], coarser
+    return rows[(rows["rect_px"][:, :2] < rows["rect_px"][:, 2:]).all(axis=1)]
+
+
+def page_table(drawable: Drawable) -> NDArray[np.uint32]:
+    """One number a page: slot and how many levels coarser."""
+    packed = (drawable.slot.astype(np.int64) << 8) | drawable.coarser
+    return np.where(drawable.slot < 0, _NO_PAGE, packed).astype(np.uint32)
+
+
+def _eye_in_shape(placement: OnShape, eye_m: Vec3 | None) -> Floats:
+    eye = placement.eye_m or eye_m
+    if eye is None:
+        raise InputError(f"an image on a {placement.kind} needs an eye point: give the placement's eye_m or a viewer")
+    local = placement.local_from_room()
+    return np.asarray(local[:3, :3] @ np.array(eye) + local[:3, 3])
+
+
+def _outline_edges(panel: Panel) -> Floats:
+    """Lines (a, b, c) with ``a x + b y + c >= 0`` inside the outline, pixels; shape (edges, 3)."""
+    corners: list[tuple[float, float]] = list(panel.outline_px)
+    if not corners:
+        return np.empty((0, 3))
+    following = corners[1:] + corners[:1]
+    area = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(corners, following, strict=True))
+    turn = math.copysign(1.0, area)
+    edges = []
+    for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
+        a, b = turn * (y0 - y1), turn * (x1 - x0)
+        edges.append((a, b, -(a * x0 + b * y0)))
+    return np.array(edges)
+
+
+def _linear(srgb: Any) -> Any:
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,307 @@
+"""One frame: tolerance -> select -> stream -> draw -> present.
+
+`Renderer` shows one image on one display. A live `Renderer.frame` never waits: what has not come yet is drawn
+from coarser pages. `Renderer.pictures` is for files and tests: it waits until every pixel has its own level.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.image import Image, open_image
+from limen.display.display import Display
+from limen.display.quilt import Quilt, pack, pieces
+from limen.draw.image import ImageLayer, Overlay, Sampling
+from limen.gpu.device import Device, open_device
+from limen.gpu.pool import PagePool
+from limen.placement import OnShape, OnSurface, Placement
+from limen.select.cut import Cut
+from limen.select.image import View, select, view_of
+from limen.stream import Drawable, Stream
+from limen.tolerance import Policy, Tolerance, tolerance_of
+from limen.vision.acuity import HUMAN_ARCMIN
+from limen.viewer import Viewer
+
+__all__ = ["GPU_BYTES", "FrameReport", "Renderer", "render"]
+
+GPU_BYTES = 512 << 20
+"""Memory for pages on the GPU, unless told otherwise: 1,900 pages."""
+
+_QUILT_PX = 1 << 25
+"""Pixels of one offscreen quilt: nine panels of 2560 x 1440, 134 MB."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameReport:
+    """What one frame took, and what it could not have."""
+
+    time_s: float
+    policy: str
+    panels_active: int
+    pages: int
+    missing: int
+    uploads: int
+    max_error_px: float
+    bias: int
+    select_ms: float
+    stream_ms: float
+    draw_ms: float
+
+
+class Renderer:
+    """One image on one display.
+
+    Parameters
+    ----------
+    device
+        Opened by the caller, who also closes it.
+    display, image
+        What is shown, and on what.
+    placement
+        How the image lies on the display.
+    gpu_bytes
+        Memory for pages on the GPU.
+    uploads_per_frame
+        Most pages copied to the GPU by one live frame.
+    threads
+        Decoding threads; ``None`` for one a core, two at least.
+    sampling
+        See `limen.draw.image.ImageLayer`.
+    max_quilt_px
+        Most pixels drawn at once.
+
+    Raises
+    ------
+    DeviceLimitError, DisplayError
+        If the adapter cannot hold the pool or draw a panel.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        display: Display,
+        image: Image,
+        placement: Placement | None = None,
+        *,
+        gpu_bytes: int = GPU_BYTES,
+        uploads_per_frame: int = 64,
+        threads: int | None = None,
+        sampling: Sampling = "sharp",
+        max_quilt_px: int = _QUILT_PX,
+    ) -> None:
+        self.view: View = view_of(display, image.pyramid, placement or OnSurface())
+        widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
+        self.quilts = pack(display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
+        self._pool = PagePool(device, gpu_bytes)
+        self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling)
+        self._stream = Stream(
+            image,
+            self._pool.slots,
+            uploads_per_frame=uploads_per_frame,
+            threads=threads or max(2, os.cpu_count() or 2),
+        )
+        self._parts: dict[Quilt, View] = {}
+
+    # ------------------------------------------------------------------ live
+
+    def frame(
+        self,
+        viewers: Sequence[Viewer],
+        policy: Policy,
+        *,
+        quilt: Quilt | None = None,
+        overlay: Overlay | None = None,
+        target: Any = None,
+        target_format: str = "rgba8unorm-srgb",
+    ) -> FrameReport:
+        """Draw what is there, ask for what is missing, and return at once.
+
+        ``quilt`` arranges the panels in another way than packing does (a window's unrolled surface);
+        with ``target``, a texture view of its size, they are drawn there.
+        """
+        begin = time.perf_counter()
+        tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
+        cut = select(self.view, tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
+        selected = time.perf_counter()
+        update = self._stream.update(cut.pages)
+        drawable = self._drawable(cut)
+        streamed = time.perf_counter()
+        self._pool.write(update.uploads)
+        for each in [quilt] if quilt else self.quilts:
+            self._layer.draw(
+                cut, drawable, tolerance, each, eye_m=eye_m, overlay=overlay, target=target, target_format=target_format
+            )
+        drawn = time.perf_counter()
+        return FrameReport(
+            time_s=viewers[0].time_s if viewers else 0.0,
+            policy=policy.label,
+            panels_active=_active(cut, self.view),
+            pages=len(cut),
+            missing=update.statistics.missing,
+            uploads=len(update.uploads),
+            max_error_px=cut.error_px,
+            bias=cut.bias,
+            select_ms=(selected - begin) * 1e3,
+            stream_ms=(streamed - selected) * 1e3,
+            draw_ms=(drawn - streamed) * 1e3,
+        )
+
+    # ------------------------------------------------------------------ complete
+
+    def pictures(
+        self, viewers: Sequence[Viewer], policy: Policy, *, overlay: Overlay | None = None
+    ) -> Iterator[tuple[str, NDArray[np.uint8], FrameReport]]:
+        """Every panel's finished picture, quilt by quilt: (name, uint8 (h, w, 4) sRGB, the quilt's report).
+
+        Waits for pages; an array is only valid until the next is asked for.
+        """
+        tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
+        for quilt in self.quilts:
+            begin = time.perf_counter()
+            cut = self._select_part(quilt, tolerance, eye_m)
+            selected = time.perf_counter()
+            missing, uploads = self._fetch(cut)
+            drawable = self._drawable(cut)
+            streamed = time.perf_counter()
+            texture = self._layer.draw(cut, drawable, tolerance, quilt, eye_m=eye_m, overlay=overlay)
+            image = self._layer.read(texture)
+            drawn = time.perf_counter()
+            report = FrameReport(
+                time_s=viewers[0].time_s if viewers else 0.0,
+                policy=policy.label,
+                panels_active=_active(cut, self.view),
+                pages=len(cut),
+                missing=missing,
+                uploads=uploads,
+                max_error_px=cut.error_px,
+                bias=cut.bias,
+                select_ms=(selected - begin) * 1e3,
+                stream_ms=(streamed - selected) * 1e3,
+                draw_ms=(drawn - streamed) * 1e3,
+            )
+            for name, picture in pieces(self.view.display, quilt, image).items():
+                yield name, picture, report
+
+    def place(self, placement: OnSurface) -> None:
+        """Move an image that lies on the surface; its resident pages stay."""
+        self.view = view_of(self.view.display, self.view.pyramid, placement)
+        self._layer.place(self.view)
+        self._parts.clear()
+
+    def close(self) -> None:
+        """Stop decoding and free the GPU memory; the device and the image stay open."""
+        self._stream.close()
+        self._layer.destroy()
+        self._pool.destroy()
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _select_part(self, quilt: Quilt, tolerance: Tolerance, eye_m: tuple[float, float, float] | None) -> Cut:
+        """The cut of one quilt's panels, numbered as in the whole display."""
+        if quilt not in self._parts:
+            part = self.view.display.part(quilt.panels)
+            self._parts[quilt] = view_of(part, self.view.pyramid, self.view.placement)
+        cut = select(self._parts[quilt], tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
+        return replace(cut, pair_panel=np.array(quilt.panels, dtype=np.int64)[cut.pair_panel])
+
+    def _fetch(self, cut: Cut) -> tuple[int, int]:
+        """Wait until all pages of a cut are resident or have failed: (failed, uploaded)."""
+        uploaded = 0
+        while True:
+            update = self._stream.update(cut.pages, uploads=len(cut) + 1)
+            self._pool.write(update.uploads)
+            uploaded += len(update.uploads)
+            if self._stream.settled:
+                return update.statistics.missing, uploaded
+            self._stream.wait()
+
+    def _drawable(self, cut: Cut) -> Drawable:
+        return self._stream.all_drawable() if isinstance(self.view.placement, OnShape) else self._stream.drawable(cut.pair_page)
+
+
+def render(
+    image: Image | str | Path,
+    display: Display,
+    viewers: Sequence[Viewer] = (),
+    policy: str | Policy = "acuity",
+    *,
+    panels: str | Sequence[str] = "*",
+    acuity_arcmin: str | float = HUMAN_ARCMIN,
+    placement: Placement | None = None,
+    overlay: Overlay | None = None,
+    scale: float = 1.0,
+    device: Device | None = None,
+) -> dict[str, NDArray[np.uint8]]:
+    """What each panel shows, with every page at the level that the policy asks for.
+
+    Parameters
+    ----------
+    image
+        An opened image, or a file's path.
+    display
+        The installation.
+    viewers
+        Who looks. With nobody, nothing is left out.
+    policy
+        ``full`` or ``acuity`` (or a `limen.tolerance.Policy`).
+    panels
+        Shell-style pattern(s) of the panels wanted.
+    acuity_arcmin
+        For the policy ``acuity``: arcminutes, ``human`` or ``snellen``.
+    placement
+        How the image lies on the display: by default fitted inside the unrolled surface, centred.
+    overlay
+        ``levels`` tints every pixel by the level drawn.
+    scale
+        Draw panels of fewer, larger pixels (0.125 for an eighth), as for a picture of the whole room.
+    device
+        An opened adapter; by default one is opened for this call.
+
+    Returns
+    -------
+    dict
+        Panel name -> uint8 (height, width, 4), sRGB.
+
+    Raises
+    ------
+    InputError
+        For a policy, pattern or file that does not exist.
+    NoAdapterError
+        If there is no graphics adapter, not even a software one.
+    """
+    chosen = policy if isinstance(policy, Policy) else Policy.parse(policy, acuity_arcmin)
+    wanted = display.select(panels)
+    if scale != 1.0:
+        wanted = wanted.scaled(scale)
+    opened = image if isinstance(image, Image) else open_image(image)
+    adapter = device or open_device()
+    try:
+        with Renderer(adapter, wanted, opened, placement) as renderer:
+            pictures = renderer.pictures(list(viewers), chosen, overlay=overlay)
+            return {name: picture.copy() for name, picture, _ in pictures}
+    finally:
+        if device is None:
+            adapter.destroy()
+        if opened is not image:
+            opened.close()
+
+
+def _first_eye(viewers: Sequence[Viewer]) -> tuple[float, float, float] | None:
+    return viewers[0].position_m if viewers else None
+
+
+def _active(cut: Cut, view: View) -> int:
+    """Panels that show something of the image; on a shape, all may."""
+    return len(np.unique(cut.pair_panel)) if isinstance(view.placement, OnSurface) else len(view.display.panels)

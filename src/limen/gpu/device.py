@@ -1,0 +1,119 @@
+"""The graphics adapter, opened once by whoever starts a program and passed to everything that draws."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from dataclasses import dataclass
+from typing import Any
+
+import wgpu
+
+from limen.errors import NoAdapterError
+from limen.gpu.adapters import driver_advice
+
+__all__ = ["Device", "open_device"]
+
+_WANTED_LIMITS = (
+    "max-texture-dimension-2d",
+    "max-texture-array-layers",
+    "max-buffer-size",
+    "max-storage-buffer-binding-size",
+    "max-storage-buffers-per-shader-stage",
+)
+"""Limits asked for as large as the adapter has them; without asking, WebGPU grants its small defaults."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Device:
+    """An opened adapter and what limen needs to know of it.
+
+    Parameters
+    ----------
+    wgpu
+        The ``wgpu.GPUDevice``.
+    adapter_name
+        What a person calls the adapter, with its driver.
+    max_texture_px
+        Longest side of a texture, hence of a quilt.
+    max_layers
+        Most layers of an array texture.
+    max_binding_bytes
+        Largest storage buffer that a shader sees.
+    is_software
+        The 'GPU' is the CPU.
+    """
+
+    wgpu: Any
+    adapter_name: str
+    max_texture_px: int
+    max_layers: int
+    max_binding_bytes: int
+    is_software: bool
+
+    def destroy(self) -> None:
+        self.wgpu.destroy()
+
+
+def open_device(*, prefer: str | None = None) -> Device:
+    """Open the adapter.
+
+    Parameters
+    ----------
+    prefer
+        Part of an adapter's name or backend (``llvmpipe``, ``vulkan``, ``nvidia``), in any case;
+        ``None`` takes the fastest.
+
+    Raises
+    ------
+    NoAdapterError
+        If there is none (or none of that name); the message says what to install.
+    """
+    _private_runtime_folder()
+    adapter = _adapter(prefer)
+    offered = adapter.limits
+    wanted = {name: offered[name] for name in _WANTED_LIMITS if name in offered}
+    try:
+        device = adapter.request_device_sync(label="limen", required_limits=wanted)
+    except RuntimeError as error:
+        raise NoAdapterError(f"{adapter.summary} could not be opened: {_one_line(error)}") from None
+    limits = device.limits
+    return Device(
+        wgpu=device,
+        adapter_name=adapter.summary,
+        max_texture_px=limits["max-texture-dimension-2d"],
+        max_layers=limits["max-texture-array-layers"],
+        max_binding_bytes=limits["max-storage-buffer-binding-size"],
+        is_software=adapter.info["adapter_type"] == "CPU",
+    )
+
+
+def _adapter(prefer: str | None) -> Any:
+    try:
+        if prefer is None:
+            return wgpu.gpu.request_adapter_sync(power_preference="high-performance")
+        adapters = wgpu.gpu.enumerate_adapters_sync()
+    except RuntimeError:
+        # wgpu's own message counts the backends that it was not built with, over several lines.
+        raise NoAdapterError(f"no graphics adapter was found: {driver_advice()}") from None
+    if not adapters:
+        raise NoAdapterError(f"no graphics adapter was found: {driver_advice()}")
+    for adapter in adapters:
+        if prefer.lower() in adapter.summary.lower():
+            return adapter
+    names = "; ".join(adapter.summary for adapter in adapters)
+    raise NoAdapterError(f"no graphics adapter is called '{prefer}': there are {names}")
+
+
+def _private_runtime_folder() -> None:
+    """Mesa complains on standard error where ``XDG_RUNTIME_DIR`` is not set (services, containers, cron)."""
+    if os.name == "posix" and not os.environ.get("XDG_RUNTIME_DIR"):
+        folder = os.path.join(tempfile.gettempdir(), f"limen-runtime-{os.getuid()}")  # noqa: PTH118
+        with contextlib.suppress(OSError):
+            os.makedirs(folder, mode=0o700, exist_ok=True)  # noqa: PTH103
+            os.environ["XDG_RUNTIME_DIR"] = folder
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,192 @@
+"""A live picture in a window: an image as a viewer browses it, or a whole display unrolled while people walk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from limen.data.image import Image
+from limen.display.display import Display
+from limen.display.quilt import Quilt
+from limen.frame import FrameReport, Renderer
+from limen.gpu.device import Device, open_device
+from limen.placement import Fit, OnSurface
+from limen.present.window import Surface, open_canvas
+from limen.tolerance import Policy
+from limen.viewer import Viewer
+
+__all__ = ["LiveSettings", "Tour", "run_live", "unrolled_quilt"]
+
+Tour: TypeAlias = Callable[[float], Sequence[Viewer]]
+"""Who looks, and from where, at a time in seconds."""
+
+_SIZE = (1440, 810)
+_ZOOM_STEP = 1.2
+_HELP = "o overlay   p policy   space pause   0 fit   q close"
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSettings:
+    """What the window shows at first; keys change it."""
+
+    policy: Policy
+    fit: Fit = "contain"
+    overlay: bool = False
+    seconds: float | None = None
+
+
+def unrolled_quilt(display: Display, size_px: tuple[int, int]) -> tuple[Display, Quilt]:
+    """A display scaled to a window, and a quilt with its panels where they lie on the unrolled surface."""
+    surface = display.surface
+    pitch = display.panels[0].pitch_m[0]
+    px_per_m = min(size_px[0] / surface.width, size_px[1] / surface.height)
+    shown = display.scaled(min(1.0, px_per_m * pitch))
+    arrays = shown.arrays
+    corner = (arrays.surface_m - [surface.left, surface.top]) * px_per_m
+    margin = (np.array(size_px) - np.array([surface.width, surface.height]) * px_per_m) / 2
+    offsets = np.maximum(np.round(corner + margin), 0).astype(int)
+    offsets = np.minimum(offsets, np.maximum(np.array(size_px) - arrays.size_px, 0))
+    return shown, Quilt(size_px, tuple(range(len(shown.panels))), tuple((int(x), int(y)) for x, y in offsets))
+
+
+class Live:
+    """The state of a window, changed by events and drawn frame by frame."""
+
+    def __init__(self, device: Device, image: Image, display: Display | None, tour: Tour | None, settings: LiveSettings) -> None:
+        self._device, self._image, self._display = device, image, display
+        self._tour = tour or (lambda _time_s: (Viewer((0.0, 0.0, 0.0)),))
+        self._policy, self._overlay = settings.policy, settings.overlay
+        self._placement = OnSurface(settings.fit)
+        self._renderer: Renderer | None = None
+        self._quilt: Quilt | None = None
+        self._size_px = (0, 0)
+        self._drag_from: tuple[float, float] | None = None
+        self._clock_s, self._last_s, self._paused = 0.0, 0.0, False
+        self.pixel_ratio = 1.0
+        self.closed = False
+        self.last: FrameReport | None = None
+
+    def draw(self, surface: Surface) -> str:
+        """Draw one frame; returns the window's title."""
+        if surface.size_px != self._size_px:
+            self._resize(surface.size_px)
+        assert self._renderer is not None
+        if not self._paused:
+            self._clock_s += surface.time_s - self._last_s
+        self._last_s = surface.time_s
+        overlay = "levels" if self._overlay else None
+        self.last = self._renderer.frame(
+            list(self._tour(self._clock_s)), self._policy, quilt=self._quilt, overlay=overlay,
+            target=surface.target, target_format=surface.target_format,
+        )  # fmt: skip
+        report = self.last
+        return f"{self._image.path.name}   {report.policy}   {report.pages} pages, {report.missing} coming   {_HELP}"
+
+    def handle(self, event: dict[str, Any]) -> None:
+        match event["event_type"]:
+            case "key_down":
+                self._key(event["key"])
+            case "wheel":
+                self._zoom(_ZOOM_STEP ** (-event["dy"] / 100), (event["x"], event["y"]))
+            case "pointer_down":
+                self._drag_from = (event["x"], event["y"])
+            case "pointer_up":
+                self._drag_from = None
+            case "pointer_move" if self._drag_from is not None:
+                x, y = self._drag_from
+                self._drag_from = (event["x"], event["y"])
+                self._move(x - event["x"], y - event["y"])
+
+    def close(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _key(self, key: str) -> None:
+        match key:
+            case "o":
+                self._overlay = not self._overlay
+            case "p":
+                self._policy = Policy("full") if self._policy.name == "acuity" else Policy("acuity", self._policy.acuity_arcmin)
+            case " ":
+                self._paused = not self._paused
+            case "0":
+                self._place(replace(self._placement, zoom=1.0, centre=(0.5, 0.5)))
+            case "q" | "Escape":
+                self.closed = True
+
+    def _resize(self, size_px: tuple[int, int]) -> None:
+        self.close()
+        self._size_px = size_px
+        if self._display is None:
+            shown = Display.window(size_px)
+            self._quilt = Quilt(size_px, (0,), ((0, 0),))
+        else:
+            shown, self._quilt = unrolled_quilt(self._display, size_px)
+        sampling = "fast" if self._device.is_software else "sharp"
+        self._renderer = Renderer(self._device, shown, self._image, self._placement, sampling=sampling)
+
+    def _texels_per_pixel(self) -> float:
+        assert self._renderer is not None
+        maps = self._renderer.view.maps
+        assert maps is not None
+        return float(maps.scale[0, 0])
+
+    def _move(self, dx: float, dy: float) -> None:
+        """Move the image by a drag, in the pixels that events are told in."""
+        step = self._texels_per_pixel() * self.pixel_ratio
+        x, y = self._placement.centre
+        width, height = self._image.size_px
+        centre = (min(max(x + dx * step / width, 0.0), 1.0), min(max(y + dy * step / height, 0.0), 1.0))
+        self._place(replace(self._placement, centre=centre))
+
+    def _zoom(self, factor: float, at: tuple[float, float]) -> None:
+        """Zoom so that the texel under the pointer stays there."""
+        zoom = min(max(self._placement.zoom * factor, 0.5), 4096.0)
+        ratio = 1 - self._placement.zoom / zoom
+        from_middle = [at[axis] - self._size_px[axis] / self.pixel_ratio / 2 for axis in (0, 1)]
+        self._move(from_middle[0] * ratio, from_middle[1] * ratio)
+        self._place(replace(self._placement, zoom=zoom))
+
+    def _place(self, placement: OnSurface) -> None:
+        self._placement = placement
+        if self._renderer is not None:
+            self._renderer.place(placement)
+
+
+def run_live(
+    image: Image, display: Display | None, tour: Tour | None, settings: LiveSettings, say: Callable[[str], None]
+) -> FrameReport | None:
+    """Open a window and draw until it is closed; returns the last frame's report.
+
+    Parameters
+    ----------
+    display
+        Shown unrolled; ``None`` makes the window itself the display.
+    tour
+        Who looks at what time.
+    say
+        Told once what the keys do.
+    """
+    device = open_device()
+    try:
+        canvas = open_canvas(device.wgpu, _SIZE, image.path.name)
+        live = Live(device, image, display, tour, settings)
+        live.pixel_ratio = canvas.pixel_ratio
+        say(f"keys: {_HELP}; drag to move, wheel to zoom")
+
+        def handle(event: dict[str, Any]) -> None:
+            live.handle(event)
+            if live.closed:
+                canvas.close()
+
+        try:
+            canvas.run(live.draw, handle, seconds=settings.seconds)
+        finally:
+            live.close()
+        return live.last
+    finally:
+        device.destroy()

@@ -1,0 +1,332 @@
+"""Pictures of a whole installation: the room seen from outside, and the surface unrolled.
+
+They are drawn on the CPU from what each panel shows, so a machine without a graphics driver can draw a
+display, too. Colours are blended in sRGB: these are illustrations, not measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Picture
+from PIL import ImageDraw, ImageFont
+
+from limen.display.display import Display
+from limen.display.panel import Panel
+from limen.geometry import Floats, Vec3
+from limen.viewer import Viewer
+
+__all__ = ["Camera", "draw_room", "draw_surface"]
+
+Rgb = NDArray[np.uint8]
+
+_BACKGROUND = (24, 26, 30)
+_FLOOR = (38, 41, 47)
+_FLOOR_LINE = (58, 62, 70)
+_UNLIT = (52, 64, 82)
+_EDGE = (16, 18, 22)
+_GHOST = (120, 128, 140)
+_PERSON = (255, 176, 46)
+_TEXT = (214, 218, 224)
+_SUPERSAMPLE = 2
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera in the room: where it stands, what it looks at, half its vertical field of view."""
+
+    eye_m: Vec3
+    target_m: Vec3
+    half_fov_rad: float = math.radians(17)
+
+    def project(self, points_m: Floats, size_px: tuple[int, int]) -> tuple[Floats, Floats]:
+        """Pixels (..., 2) and depth (...) of room positions (..., 3)."""
+        forward = np.array(self.target_m) - np.array(self.eye_m)
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 1.0, 0.0])
+        right = right / np.linalg.norm(right)
+        local = (np.asarray(points_m) - np.array(self.eye_m)) @ np.stack(
+            [right, np.cross(right, forward), forward], axis=1
+        )
+        scale = size_px[1] / 2 / math.tan(self.half_fov_rad)
+        depth = local[..., 2]
+        safe = np.maximum(depth, 1e-3)
+        x = size_px[0] / 2 + scale * local[..., 0] / safe
+        y = size_px[1] / 2 - scale * local[..., 1] / safe
+        return np.stack([x, y], axis=-1), depth
+
+
+def draw_room(
+    display: Display,
+    *,
+    pictures: Mapping[str, Rgb] | None = None,
+    viewers: Iterable[Viewer] = (),
+    path_m: Floats | None = None,
+    size_px: tuple[int, int] = (1600, 900),
+    camera: Camera | None = None,
+) -> Rgb:
+    """The room seen from outside and above; panels that face away are drawn as outlines.
+
+    Parameters
+    ----------
+    display
+        The installation.
+    pictures
+        What each panel shows, by name: uint8 (h, w, 3 or 4) of any size. Panels without one are drawn unlit.
+    viewers
+        People to draw.
+    path_m
+        A track on the floor, shape (N, 3).
+    size_px
+        Width and height of the picture.
+    camera
+        ``None`` finds a place from which all panels are seen.
+
+    Returns
+    -------
+    uint8 (height, width, 3), sRGB
+    """
+    large = (size_px[0] * _SUPERSAMPLE, size_px[1] * _SUPERSAMPLE)
+    people = list(viewers)
+    camera = camera or _camera_for(display, people, large)
+    canvas = Picture.new("RGB", large, _BACKGROUND)
+    _draw_floor(ImageDraw.Draw(canvas), display, camera, large, people)
+    if path_m is not None and len(path_m) > 1:
+        floor = np.asarray(path_m, dtype=float) * [1, 0, 1]
+        _line(ImageDraw.Draw(canvas), camera, large, floor, _PERSON, 2 * _SUPERSAMPLE)
+    eye = np.array(camera.eye_m)
+    facing = [panel for panel in display.panels if np.dot(eye - panel.centre_m, panel.normal) > 0]
+    canvas = Picture.fromarray(_draw_lit(np.asarray(canvas).copy(), facing, pictures or {}, camera, large))
+    drawing = ImageDraw.Draw(canvas)
+    for viewer in people:
+        _draw_person(drawing, viewer, camera, large)
+    shown = {panel.name for panel in facing}
+    for name, panels in display.grids().items():
+        away = [panel for panel in panels if panel.name not in shown]
+        if away:
+            _draw_ghost(drawing, away, camera, large)
+        _label(drawing, name, panels, camera, large)
+    return np.asarray(canvas.resize(size_px, Picture.Resampling.LANCZOS))
+
+
+def draw_surface(display: Display, pictures: Mapping[str, Rgb], width_px: int = 2000) -> Rgb:
+    """The unrolled surface with what each panel shows; panels without a picture are unlit.
+
+    Returns
+    -------
+    uint8 (height, width_px, 3), sRGB; the height follows from the surface.
+    """
+    surface = display.surface
+    density = width_px / surface.width
+    height_px = max(1, round(surface.height * density))
+    canvas = Picture.new("RGB", (width_px, height_px), _BACKGROUND)
+    for panel in display.panels:
+        x0, y0 = (
+            (value - edge) * density for value, edge in zip(panel.surface_m, (surface.left, surface.top), strict=True)
+        )
+        x1, y1 = x0 + panel.size_m[0] * density, y0 + panel.size_m[1] * density
+        box = (round(x0), round(y0), max(round(x0) + 1, round(x1)), max(round(y0) + 1, round(y1)))
+        size = (box[2] - box[0], box[3] - box[1])
+        if panel.name in pictures:
+            tile = Picture.fromarray(np.ascontiguousarray(pictures[panel.name][..., :3]))
+            canvas.paste(
+                tile.resize(size, Picture.Resampling.BOX if tile.width >= size[0] else Picture.Resampling.BICUBIC), box
+            )
+        else:
+            canvas.paste(_UNLIT, box)
+    return np.asarray(canvas)
+
+
+# ---------------------------------------------------------------------- where to stand
+
+
+def _camera_for(display: Display, viewers: Sequence[Viewer], size_px: tuple[int, int]) -> Camera:
+    """In front of a wall, above a room."""
+    areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in display.panels])
+    normals = np.array([panel.normal for panel in display.panels])
+    mean = (normals * areas[:, None]).sum(axis=0) / areas.sum()
+    if np.linalg.norm(mean) > 0.5:
+        azimuth, elevation = math.atan2(mean[0], mean[2]) + math.radians(28), math.radians(16)
+    else:
+        azimuth, elevation = math.radians(9), math.radians(33)
+    toward = np.array(
+        [math.sin(azimuth) * math.cos(elevation), math.sin(elevation), math.cos(azimuth) * math.cos(elevation)]
+    )
+    points = [panel.corners_m for panel in display.panels] + [np.array([viewer.position_m]) for viewer in viewers]
+    return _framed(np.concatenate(points), toward, size_px)
+
+
+def _framed(points_m: Floats, toward: Floats, size_px: tuple[int, int]) -> Camera:
+    """The camera on the ray ``toward`` that shows all points, centred, as large as the margin allows."""
+    target = points_m.mean(axis=0)
+    distance = float(np.linalg.norm(points_m.max(axis=0) - points_m.min(axis=0)))
+    right = np.cross([0.0, 1.0, 0.0], toward)
+    right = right / np.linalg.norm(right)
+    up = np.cross(toward, right)
+    allowed = np.array(size_px) * [0.9, 0.82]
+    for _ in range(12):
+        camera = Camera(_vec(target + toward * distance), _vec(target))
+        place, depth = camera.project(points_m, size_px)
+        if depth.min() < 0.2 * distance:
+            distance *= 1.5
+            continue
+        low, high = place.min(axis=0), place.max(axis=0)
+        metres_per_px = distance * math.tan(camera.half_fov_rad) / (size_px[1] / 2)
+        off = ((low + high) - np.array(size_px)) / 2 * metres_per_px
+        target = target + right * off[0] - up * off[1]
+        distance *= float(((high - low) / allowed).max()) ** 0.8
+    return camera
+
+
+def _vec(values: Floats) -> Vec3:
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+# ---------------------------------------------------------------------- what is drawn
+
+
+def _draw_lit(
+    canvas: Rgb, panels: Sequence[Panel], pictures: Mapping[str, Rgb], camera: Camera, size_px: tuple[int, int]
+) -> Rgb:
+    depth = np.full(canvas.shape[:2], np.inf)
+    for panel in panels:
+        corners, distance = camera.project(panel.corners_m, size_px)
+        if distance.min() <= 0.05:
+            continue
+        x0, y0 = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
+        x1, y1 = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 1, size_px)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        y, x = np.mgrid[y0:y1, x0:x1] + 0.5
+        u, v, near = _on_panel(corners, distance, x, y)
+        inside = (u >= 0) & (u < 1) & (v >= 0) & (v < 1) & (near < depth[y0:y1, x0:x1])
+        picture = pictures.get(panel.name)
+        if picture is None:
+            colour = np.broadcast_to(np.array(_UNLIT, dtype=np.uint8), (int(inside.sum()), 3))
+        else:
+            height, width = picture.shape[:2]
+            row, column = (v[inside] * height).astype(int), (u[inside] * width).astype(int)
+            colour = picture[row, column, :3]
+        block = canvas[y0:y1, x0:x1]
+        block[inside] = colour
+        if picture is None:  # a lit picture needs no frame; unlit panels would merge without one
+            rim = inside & (np.minimum(np.minimum(u, 1 - u), np.minimum(v, 1 - v)) < 0.012)
+            block[rim] = _EDGE
+        depth[y0:y1, x0:x1][inside] = near[inside]
+    return canvas
+
+
+def _on_panel(corners: Floats, distance: Floats, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+    """Panel coordinates (0 ... 1 to the right and down) and depth behind picture pixels, by the inverse homography."""
+    triangle = np.stack(
+        [np.append(corner, 1.0) * depth for corner, depth in zip(corners[[0, 1, 3]], distance[[0, 1, 3]], strict=True)]
+    )
+    # A place on the panel is c0 + u (c1 - c0) + v (c3 - c0) in homogeneous picture coordinates.
+    matrix = np.stack([triangle[1] - triangle[0], triangle[2] - triangle[0], triangle[0]], axis=1)
+    inverse = np.linalg.inv(matrix)
+    local = inverse @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v, near = local[0] / local[2], local[1] / local[2], 1 / local[2]
+    near = np.where(near > 0, near, np.inf)
+    return u.reshape(x.shape), v.reshape(x.shape), near.reshape(x.shape)
+
+
+def _draw_floor(
+    drawing: ImageDraw.ImageDraw, display: Display, camera: Camera, size_px: tuple[int, int], viewers: Sequence[Viewer]
+) -> None:
+    low, high = display.bounds_m
+    if low[1] > 3:  # a display far above any floor
+        return
+    places = np.array([viewer.position_m for viewer in viewers]).reshape(-1, 3)
+    margin = 0.15 if high[2] - low[2] > 1 else 1.6
+    x0, z0 = np.floor(np.minimum(low, places.min(axis=0, initial=math.inf))[[0, 2]] * 2 - 2 * margin) / 2
+    x1, z1 = np.ceil(np.maximum(high, places.max(axis=0, initial=-math.inf))[[0, 2]] * 2 + 2 * margin) / 2
+    outline, _ = camera.project(np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]), size_px)
+    drawing.polygon([tuple(point) for point in outline], fill=_FLOOR)
+    for x in np.arange(math.ceil(x0), x1 + 0.01):
+        _line(drawing, camera, size_px, np.array([[x, 0, z0], [x, 0, z1]]), _FLOOR_LINE, _SUPERSAMPLE)
+    for z in np.arange(math.ceil(z0), z1 + 0.01):
+        _line(drawing, camera, size_px, np.array([[x0, 0, z], [x1, 0, z]]), _FLOOR_LINE, _SUPERSAMPLE)
+
+
+def _line(
+    drawing: ImageDraw.ImageDraw,
+    camera: Camera,
+    size_px: tuple[int, int],
+    points_m: Floats,
+    colour: tuple[int, int, int],
+    width: int,
+) -> None:
+    place, depth = camera.project(points_m, size_px)
+    if depth.min() > 0.05:
+        drawing.line([tuple(point) for point in place], fill=colour, width=width, joint="curve")
+
+
+def _draw_ghost(
+    drawing: ImageDraw.ImageDraw, panels: Sequence[Panel], camera: Camera, size_px: tuple[int, int]
+) -> None:
+    """The outer edge of a wall that is seen from behind."""
+    corners = np.concatenate([panel.corners_m for panel in panels])
+    right, down = np.array(panels[0].right), np.array(panels[0].down)
+    along, below = corners @ right, corners @ down
+    extremes = [
+        (along.min(), below.min()),
+        (along.max(), below.min()),
+        (along.max(), below.max()),
+        (along.min(), below.max()),
+    ]
+    base = corners[0] - right * along[0] - down * below[0]
+    loop = np.array([base + right * a + down * b for a, b in extremes])
+    _line(drawing, camera, size_px, np.concatenate([loop, loop[:1]]), _GHOST, _SUPERSAMPLE)
+
+
+def _draw_person(drawing: ImageDraw.ImageDraw, viewer: Viewer, camera: Camera, size_px: tuple[int, int]) -> None:
+    """A figure as tall as the eyes are high, and a line along the head's direction."""
+    head = np.array(viewer.position_m)
+    feet = head * [1, 0, 1]
+    (foot, chin, top), depth = camera.project(np.array([feet, head - [0, 0.16, 0], head]), size_px)
+    if depth.min() <= 0.05:
+        return
+    scale = size_px[1] / 2 / math.tan(camera.half_fov_rad) / depth[2]
+    shoulder, hip, radius = 0.23 * scale, 0.14 * scale, 0.13 * scale
+    drawing.ellipse(
+        [foot[0] - 0.3 * scale, foot[1] - 0.1 * scale, foot[0] + 0.3 * scale, foot[1] + 0.1 * scale], fill=(20, 21, 24)
+    )
+    neck = chin[1] + 0.08 * scale
+    body = [
+        (chin[0] - shoulder, neck + 0.06 * scale),
+        (chin[0] + shoulder, neck + 0.06 * scale),
+        (foot[0] + hip, foot[1]),
+        (foot[0] - hip, foot[1]),
+    ]
+    drawing.polygon(body, fill=_PERSON)
+    drawing.ellipse([chin[0] - shoulder, neck - 0.04 * scale, chin[0] + shoulder, neck + 0.2 * scale], fill=_PERSON)
+    drawing.ellipse(
+        [top[0] - radius, top[1] - 1.2 * radius, top[0] + radius, top[1] + 1.2 * radius], fill=(255, 214, 150)
+    )
+    _line(
+        drawing,
+        camera,
+        size_px,
+        np.stack([head, head + 0.7 * np.array(viewer.direction)]),
+        (255, 236, 200),
+        2 * _SUPERSAMPLE,
+    )
+
+
+def _label(
+    drawing: ImageDraw.ImageDraw, name: str, panels: Sequence[Panel], camera: Camera, size_px: tuple[int, int]
+) -> None:
+    corners = np.concatenate([panel.corners_m for panel in panels])
+    middle = corners.mean(axis=0)
+    up = -np.array(panels[0].down)
+    above = middle + up * (((corners - middle) @ up).max())
+    place, depth = camera.project(above, size_px)
+    if depth <= 0.05:
+        return
+    font = ImageFont.load_default(size=15 * _SUPERSAMPLE)
+    drawing.text((place[0], place[1] - 6 * _SUPERSAMPLE), name, fill=_TEXT, font=font, anchor="ms")

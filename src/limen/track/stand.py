@@ -1,0 +1,38 @@
+"""Where a person would stand who is not tracked: the viewer of a picture that names none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from limen.display.display import Display
+from limen.viewer import Viewer
+
+__all__ = ["standing_viewer"]
+
+EYE_HEIGHT_M = 1.7
+
+
+def standing_viewer(display: Display) -> Viewer:
+    """A viewer in the middle of a room, or in front of a wall at about the distance of its height.
+
+    Eyes are 1.7 m high, or at the middle of a display that is smaller than a person.
+    """
+    areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in display.panels])
+    normals = np.array([panel.normal for panel in display.panels])
+    facing = (normals * areas[:, None]).sum(axis=0) / areas.sum()
+    low, high = display.bounds_m
+    middle = (low + high) / 2
+    strength = float(np.linalg.norm(facing))
+    if strength > 0.3:
+        height = float(high[1] - low[1])
+        distance = min(max(height, 0.6), 3.0)
+        place = middle + facing / strength * distance
+        look = -facing
+    else:
+        outward = float(np.sum(normals * (np.array([panel.centre_m for panel in display.panels]) - middle)))
+        first = display.panels[len(display.panels) // 2]
+        place = middle if outward <= 0 else first.centre_m + np.array(first.normal) * 1.0
+        look = first.centre_m - place
+    eye_height = EYE_HEIGHT_M if low[1] < EYE_HEIGHT_M < high[1] else float(middle[1])
+    position = (float(place[0]), eye_height, float(place[2]))
+    return Viewer(position, direction=(float(look[0]), 0.0, float(look[2]) or -1e-9))

@@ -1,0 +1,43 @@
+"""What all tests share: the adapter, and the real files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+_REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """The folder of real files: ``LIMEN_DATA``, else ``../shared/data`` beside the repository."""
+    named = os.environ.get("LIMEN_DATA")
+    folders = (
+        [Path(named)]
+        if named
+        else [_REPOSITORY.parent / "shared/data", _REPOSITORY.parents[1] / "shared/data"]
+    )
+    for folder in folders:
+        if folder.is_dir():
+            return folder
+    pytest.skip(
+        f"NO REAL DATA: set LIMEN_DATA to the folder of real files (looked in {', '.join(map(str, folders))})"
+    )
+
+
+@pytest.fixture(scope="session")
+def device() -> Iterator[Any]:
+    """The graphics adapter; a software driver is enough."""
+    from limen.errors import NoAdapterError
+    from limen.gpu.device import open_device
+
+    try:
+        opened = open_device()
+    except NoAdapterError as error:
+        pytest.skip(f"NO GRAPHICS ADAPTER, so nothing that is drawn was tested: {error}")
+    yield opened
+    opened.destroy()

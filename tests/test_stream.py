@@ -1,0 +1,155 @@
+"""Streaming: a frame never waits, the pool never overflows, and a broken page never stops anything."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.errors import InputError, PageError
+from limen.stream import Stream
+
+SIDE = PAGE + 2 * GUTTER
+
+
+class Source:
+    """Pages that know their own number; some broken, some slow."""
+
+    def __init__(self, size_px=(4096, 2048), broken=(), gate=None):
+        self.pyramid = Pyramid.of(size_px)
+        self.broken, self.gate, self.reads = set(broken), gate, []
+
+    def read_page(self, page):
+        if self.gate is not None:
+            self.gate.wait(10)
+        self.reads.append(page)
+        if page in self.broken:
+            raise PageError(f"page {page}: damaged")
+        return np.full((SIDE, SIDE, 4), page % 251, dtype=np.uint8)
+
+
+class Pool:
+    """What a GPU pool holds after the uploads: which page's texels are in which slot."""
+
+    def __init__(self):
+        self.slots = {}
+
+    def write(self, uploads):
+        for upload in uploads:
+            self.slots[upload.slot] = int(upload.texels[0, 0, 0])
+
+
+def settle(stream, pool, wanted, frames=400):
+    for _ in range(frames):
+        pool.write(stream.update(wanted).uploads)
+        if stream.settled:
+            return
+        stream.wait(0.05)
+    raise AssertionError("the stream did not settle")
+
+
+def test_what_is_wanted_becomes_resident_and_is_what_it_says():
+    source, pool = Source(), Pool()
+    with Stream(source, slots=64) as stream:
+        wanted = np.arange(40)
+        settle(stream, pool, wanted)
+        drawable = stream.drawable(wanted)
+        assert (drawable.coarser == 0).all()
+        assert [pool.slots[slot] for slot in drawable.slot.tolist()] == [page % 251 for page in range(40)]
+    assert sorted(source.reads) == sorted({*range(40), source.pyramid.page_count - 1}), "every page is read once"
+
+
+def test_a_frame_never_waits_for_a_page():
+    gate = threading.Event()
+    with Stream(Source(gate=gate), slots=64) as stream:
+        begin = time.perf_counter()
+        update = stream.update(np.arange(50))
+        assert time.perf_counter() - begin < 0.5
+        assert update.uploads == []
+        assert update.statistics.missing == 50
+        assert (stream.drawable(np.arange(50)).slot == -1).all()
+        gate.set()
+
+
+def test_the_nearest_resident_ancestor_is_drawn_meanwhile():
+    source, pool = Source(), Pool()
+    pyramid = source.pyramid
+    with Stream(source, slots=64) as stream:
+        settle(stream, pool, np.array([pyramid.page_index(np.array([2]), np.array([1]), np.array([1]))[0]]))
+        pages = pyramid.page_index(np.array([0, 0]), np.array([5, 15]), np.array([6, 0]))
+        drawable = stream.drawable(pages)
+        assert drawable.coarser.tolist() == [2, len(pyramid.levels) - 1], "its own ancestor; else the pinned level"
+        everything = stream.all_drawable()
+        some = np.arange(pyramid.page_count)
+        one_by_one = stream.drawable(some)
+        np.testing.assert_array_equal(everything.slot, one_by_one.slot)
+        np.testing.assert_array_equal(everything.coarser, one_by_one.coarser)
+
+
+def test_a_broken_page_is_logged_once_and_its_ancestor_stays(caplog):
+    source, pool = Source(broken={3}), Pool()
+    with caplog.at_level(logging.WARNING), Stream(source, slots=64) as stream:
+        for _ in range(3):
+            settle(stream, pool, np.arange(8))
+        assert stream.drawable(np.array([3])).coarser[0] > 0
+        assert stream.update(np.arange(8)).statistics.failed == 1
+    assert source.reads.count(3) == 1
+    assert len([record for record in caplog.records if "page 3" in record.getMessage()]) == 1
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.lists(st.tuples(st.integers(0, 150), st.integers(1, 60)), min_size=1, max_size=12), st.integers(2, 24))
+def test_slots_and_pages_stay_in_step_under_any_walk(walk, slots):
+    source, pool = Source(), Pool()
+    with Stream(source, slots=slots, uploads_per_frame=7, cpu_pages=16) as stream:
+        for start, count in walk:
+            wanted = np.arange(start, min(start + count, source.pyramid.page_count))
+            for _ in range(4):
+                update = stream.update(wanted)
+                pool.write(update.uploads)
+                assert len(update.uploads) <= 7
+                stream.wait(0.01)
+            drawable = stream.drawable(wanted)
+            for page, slot, coarser in zip(wanted.tolist(), *(part.tolist() for part in drawable), strict=True):
+                if slot >= 0 and coarser == 0:
+                    assert pool.slots[slot] == page % 251
+            assert update.statistics.resident <= slots
+            assert update.statistics.decoded_waiting <= 16 + 2
+
+
+def test_a_pool_too_small_for_a_frame_keeps_the_most_important():
+    source, pool = Source(), Pool()
+    with Stream(source, slots=8) as stream:
+        wanted = np.arange(30)
+        for _ in range(60):
+            pool.write(stream.update(wanted).uploads)
+            stream.wait(0.02)
+        drawable = stream.drawable(wanted)
+        assert (drawable.slot >= 0).all(), "the pinned level serves the rest"
+        assert (drawable.coarser[:5] == 0).all()
+
+
+def test_uploads_respect_the_budget_and_the_least_recently_used_go_first():
+    source, pool = Source(), Pool()
+    with Stream(source, slots=12, uploads_per_frame=3) as stream:
+        settle(stream, pool, np.arange(6))
+        settle(stream, pool, np.arange(6, 11))  # fills the pool
+        settle(stream, pool, np.arange(3, 6))  # 3..5 are used again
+        settle(stream, pool, np.array([20, 21, 22]))
+        coarser = stream.drawable(np.array([3, 4, 5, 0, 1, 2])).coarser
+        assert (coarser[:3] == 0).all()
+        assert (coarser[3:] > 0).all()
+
+
+def test_closing_in_the_middle_of_work_returns():
+    stream = Stream(Source(), slots=64)
+    stream.update(np.arange(60))
+    stream.close()
+    with pytest.raises(InputError, match="too small"):
+        Stream(Source(), slots=1)

@@ -1,0 +1,90 @@
+"""What nobody can see: laws of the acuity formula and of several viewers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import limen
+from limen.errors import InputError
+from limen.tolerance import Policy, tolerance_of
+from limen.vision.acuity import acuity_from, acuity_level, optimal_distance_m
+
+places = st.tuples(*[st.floats(-9, 9)] * 3)
+acuities = st.floats(0.1, 10)
+
+
+def test_the_papers_figures():
+    inch = 0.0254
+    pitch = 23.53 / 2560 * inch
+    assert optimal_distance_m(pitch) / inch == pytest.approx(31.60, abs=0.005)
+    square = 20 / math.hypot(2048, 2048) * inch
+    assert optimal_distance_m(square) / inch == pytest.approx(23.74, abs=0.005)
+    assert [acuity_level(inches * inch, pitch) for inches in (30, 63.1, 63.3, 126.5, 198)] == [0, 0, 1, 2, 2]
+
+
+def test_levels_change_exactly_at_powers_of_two_of_the_optimal_distance():
+    pitch = 1e-3
+    best = optimal_distance_m(pitch, 0.64)
+    for level in range(1, 6):
+        edge = best * 2**level
+        assert acuity_level(np.nextafter(edge, 0), pitch, 0.64) == level - 1
+        assert acuity_level(edge * (1 + 1e-15), pitch, 0.64) == level
+
+
+@given(places, st.lists(st.tuples(places, acuities), min_size=1, max_size=4), acuities)
+def test_another_viewer_never_allows_more(place, viewers, acuity):
+    people = [limen.Viewer(position, acuity_arcmin=own) for position, own in viewers]
+    policy = Policy("acuity", acuity)
+    together = tolerance_of(people, policy).allowed_m(np.array(place))
+    alone = [tolerance_of([person], policy).allowed_m(np.array(place)) for person in people]
+    assert together == pytest.approx(min(alone))
+
+
+@given(places, places, acuities, st.floats(1.01, 5))
+def test_duller_eyes_allow_more(place, position, acuity, factor):
+    viewer = limen.Viewer(position)
+    sharp, dull = (
+        tolerance_of([viewer], Policy("acuity", a)).allowed_m(np.array(place)) for a in (acuity, acuity * factor)
+    )
+    assert dull >= sharp
+
+
+def test_full_tolerates_nothing_and_both_eyes_count():
+    viewer = limen.Viewer((0, 0, 0), direction=(0, 0, -1))
+    assert tolerance_of([viewer], Policy("full")).allowed_m(np.array([5.0, 0, 0])) == 0
+    assert tolerance_of([], Policy("acuity")).allowed_m(np.array([5.0, 0, 0])) == 0, "nobody known: nothing is left out"
+    allowed = tolerance_of([viewer], Policy("acuity", 60)).allowed_m(np.array([[5.0, 0, 0], [-5.0, 0, 0]]))
+    np.testing.assert_allclose(allowed, (5 - 0.0315) * math.tan(math.radians(1)))
+
+
+def test_policies_by_name():
+    assert Policy.parse("acuity").acuity_arcmin == 0.64
+    assert Policy.parse("acuity", "snellen") == Policy.parse("snellen") == Policy("acuity", 1.0)
+    assert acuity_from("human") == 0.64
+    for bad in ("sharp", "0", "-1", "nan"):
+        with pytest.raises(InputError, match="acuity"):
+            Policy.parse("acuity", bad)
+    with pytest.raises(InputError, match="full, acuity"):
+        Policy.parse("everything")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("position_m", (0, math.nan, 0)), ("direction", (0, 0, 0)), ("acuity_arcmin", 0), ("gaze", (math.inf, 0, 0)),
+     ("time_s", math.nan), ("eye_separation_m", -1)],
+)  # fmt: skip
+def test_impossible_viewers_are_refused(field, value):
+    with pytest.raises(InputError, match=field):
+        limen.Viewer(**{"position_m": (0, 1.7, 0), field: value})
+
+
+def test_eyes_lie_left_and_right_of_the_head():
+    eyes = limen.Viewer((1, 1.7, 0), direction=(1, 0, 0), eye_separation_m=0.06).eyes_m
+    np.testing.assert_allclose(eyes, [[1, 1.7, -0.03], [1, 1.7, 0.03]], atol=1e-12)
+    assert limen.Viewer((0, 0, 0), direction=(0, 1, 0)).eyes_m.shape == (2, 3)
+    assert limen.Viewer((0, 0, 0), eye_separation_m=0).eyes_m.shape == (1, 3)

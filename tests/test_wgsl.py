@@ -1,0 +1,41 @@
+"""Every shader of the package is valid alone, on the adapter of this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import limen
+
+SOURCE = Path(limen.__file__).parent
+SHADERS = sorted(SOURCE.rglob("*.wgsl"))
+
+
+@pytest.fixture(scope="module")
+def device() -> Iterator[Any]:
+    import wgpu
+
+    device = wgpu.gpu.request_adapter_sync().request_device_sync()
+    yield device
+    device.destroy()
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("path", SHADERS, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_a_shader_compiles_alone(path: Path, device: Any) -> None:
+    device.create_shader_module(label=path.name, code=path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.gpu
+def test_an_invalid_shader_is_noticed(device: Any) -> None:
+    """The test above means something only if this driver complains at all."""
+    with pytest.raises(Exception, match="nonsense"):
+        device.create_shader_module(code="fn f() { nonsense(); }")
+
+
+def test_there_are_shaders() -> None:
+    if not SHADERS:
+        pytest.skip("no .wgsl in the package yet")
