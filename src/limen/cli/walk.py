@@ -24,7 +24,7 @@ def walk(
 ) -> None:
     """Make a session: people who walk between places of interest in front of a display.
 
-    Example: limen walk --display reality-deck --seconds 60 --viewers 2 two.csv
+    Example: `limen walk --display reality-deck --seconds 60 --viewers 2 two.csv`
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ def _strip(axes: Axes, counts: Counts, page_bytes: float, limits: tuple[float, f
 def _label(row: Row) -> str:
     if row.acuity_arcmin is None:
         return f"{row.policy}  {row.pages_mean:,.0f}"
-    return f"{row.policy} {row.acuity_arcmin:g}′  {row.pages_mean:,.0f}  −{row.saving * 100:.0f} %"
+    return f"{row.policy} {row.acuity_arcmin:g}′  {row.pages_mean:,.0f}  −{row.saving * 100:.1f} %"
 
 
 def _end_labels(axes: Axes, labels: list[tuple[float, str, str]], limits: tuple[float, float]) -> None:

@@ -24,7 +24,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.placement import OnShape, OnSurface, one_to_one_size_px
-from limen.select.image import View, select, view_of
+from limen.select.image import View, flat_pairs, select, view_of
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.tolerance import POLICIES, Policy, Tolerance, tolerance_of
 from limen.track.session import Frame, Session
@@ -308,7 +308,12 @@ class _Look:
         return pages, full, np.array([floor[policy] for policy in self._eyesight])
 
     def _pages(self, tolerance: Tolerance, eye_m: Vec3 | None) -> int:
-        cut = select(self._view, tolerance, eye_m=eye_m)
-        if self._nodes is None:
-            return len(cut)
-        return len(np.unique(self._nodes[cut.pair_panel] * self._view.pyramid.page_count + cut.pair_page))
+        """As many as ``len(select(...))``; on the surface without sorting them by importance, in half the time."""
+        if not isinstance(self._view.placement, OnSurface):
+            return len(select(self._view, tolerance, eye_m=eye_m))
+        pairs = flat_pairs(self._view, tolerance)
+        if self._nodes is not None:
+            return len(np.unique(self._nodes[pairs.panel] * self._view.pyramid.page_count + pairs.page))
+        needed = np.zeros(self._view.pyramid.page_count, dtype=bool)
+        needed[pairs.page] = True
+        return int(np.count_nonzero(needed))
