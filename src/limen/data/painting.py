@@ -34,7 +34,17 @@ _LABEL_REACH_PX = 240.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cities_near(seed: Any, x0: Any, y0: Any, height: Any) -> Any:
+def _horizon(x: Any, y: Any, width: Any, height: Any) -> Any:
+    """(night 0 .. 1, image heights beyond the planet's edge) of a texel."""
+    bow = (y / height - 0.5) ** 2
+    beyond = (x - _LIMB * width) / height + 0.35 * bow
+    span = (_NIGHT - _NIGHT_FALLS) * width
+    night = smooth_step(0.0, 1.0, (x + 0.25 * bow * height - _NIGHT_FALLS * width) / span)
+    return night, beyond
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cities_near(seed: Any, x0: Any, y0: Any, width: Any, height: Any) -> Any:
     """(n, 6) of cities that may reach into a block: x, y, radius, angle, tag, dots of the name; on gentle land only."""
     found = np.empty((9, _CITY_FIELDS), dtype=np.float64)
     land = np.empty(5, dtype=np.float64)
@@ -45,6 +55,8 @@ def _cities_near(seed: Any, x0: Any, y0: Any, height: Any) -> Any:
         x = (ix + 0.3 + 0.4 * unit(bits, 0)) * CITY_CELL_PX
         y = (iy + 0.3 + 0.4 * unit(bits, 12)) * CITY_CELL_PX
         land_at(seed, x, y, height, land)
+        if _horizon(x, y, width, height)[1] > -0.1:
+            continue
         if land[0] < 0.008 or land[0] > 0.20 or land[2] > 0.45 or unit(bits, 24) > 0.62:
             continue
         found[count, 0], found[count, 1] = x, y
@@ -119,16 +131,6 @@ def _evening(colour: Any, lamps: Any, night: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _horizon(x: Any, y: Any, width: Any, height: Any) -> Any:
-    """(night 0 .. 1, image heights beyond the planet's edge) of a texel."""
-    bow = (y / height - 0.5) ** 2
-    beyond = (x - _LIMB * width) / height + 0.35 * bow
-    span = (_NIGHT - _NIGHT_FALLS) * width
-    night = smooth_step(0.0, 1.0, (x + 0.25 * bow * height - _NIGHT_FALLS * width) / span)
-    return night, beyond
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _chart_place(width: Any, height: Any) -> Any:
     """(left, top, width, height) of the reading chart, which hangs on the day side."""
     wide = np.int64(min(max(0.36 * height, 200.0), 4096.0, 0.3 * width))
@@ -178,7 +180,7 @@ def _texel(seed: Any, x: Any, y: Any, terrain: Any, j: Any, i: Any, cities: Any,
 def paint_block(seed: Any, x0: Any, y0: Any, width: Any, height: Any, out: Any) -> None:
     """sRGB texels of the block at (x0, y0), multiples of 256, into ``out`` (<= 256, <= 256, 3) uint8."""
     terrain = terrain_of_block(seed, x0, y0, height)
-    cities = _cities_near(seed, x0, y0, float(height))
+    cities = _cities_near(seed, x0, y0, width, float(height))
     left, top, wide, high = _chart_place(width, height)
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):
