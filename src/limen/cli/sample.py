@@ -56,7 +56,7 @@ def sample(
             width_px=size,
             seed=seed,
             progress=lambda done: step.to(round(1000 * done)),
-            **({} if aspect is None else {"aspect": aspect}),
+            aspect=aspect,
         )
     output.result(report)
     output.line(

@@ -67,7 +67,7 @@ def sample_image(
     path: str | Path,
     gigapixels: float = 1.0,
     seed: int = 0,
-    aspect: float = WALL_ASPECT,
+    aspect: float | None = None,
     progress: Callable[[float], None] | None = None,
     *,
     width_px: int | None = None,
@@ -76,7 +76,8 @@ def sample_image(
 ) -> SampleReport:
     """Draw the world number ``seed`` into a pyramidal TIFF; the same texels on every run, with any number of workers.
 
-    ``width_px`` is an alternative to ``gigapixels``. The image is never held in memory. Raises InputError for sizes
+    ``aspect`` is width by height, :data:`WALL_ASPECT` unless given; ``width_px`` an alternative to ``gigapixels``.
+    The image is never held in memory. Raises InputError for sizes
     that cannot be meant, StorageError or MissingFileError where ``path`` cannot be written.
     """
     path = Path(path)
@@ -84,7 +85,7 @@ def sample_image(
         raise InputError(f"{path}: the sample is a TIFF; give it a name that ends in .tif")
     if not 0 <= seed < 1 << 31:
         raise InputError(f"seed {seed} must lie between 0 and {(1 << 31) - 1}")
-    size_px = sample_size_px(gigapixels, aspect, width_px)
+    size_px = sample_size_px(gigapixels, WALL_ASPECT if aspect is None else aspect, width_px)
     begin = time.perf_counter()
     with Footprint() as footprint, PyramidWriter(path, size_px, JpegTiles(quality), workers=workers) as writer:
         for top in range(0, size_px[1], BLOCK):
