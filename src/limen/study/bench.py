@@ -19,18 +19,21 @@ from limen.data.image import Image, open_image
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.display.display import Display
 from limen.draw.feedback import Feedback
-from limen.frame import Renderer
+from limen.draw.image import Sampling
+from limen.frame import LOOKAHEAD_S, Renderer, select_ahead
 from limen.gpu.device import Device, open_device
 from limen.placement import OnSurface, one_to_one_size_px
 from limen.select.image import View, select, view_of
 from limen.stream import Stream
-from limen.tolerance import Policy, Tolerance, tolerance_of
+from limen.tolerance import Policy, tolerance_of
 from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
+from limen.viewer import Viewer
 
-__all__ = ["BENCHES", "Measured", "bench_image", "one_to_one_room", "walk_tolerances"]
+__all__ = ["BENCHES", "Measured", "Walk", "bench_image", "measure_walk", "one_to_one_room", "walk_viewers"]
 
 Say = Callable[[str], None]
+_KINDS: tuple[Sampling, ...] = ("sharp", "fast")
 
 
 class Measured(msgspec.Struct, frozen=True):
@@ -58,18 +61,18 @@ def one_to_one_room() -> View:
     return view_of(deck, Pyramid.of(one_to_one_size_px(deck)), OnSurface("one-to-one"))
 
 
-def walk_tolerances(seconds: float, policy: Policy, rate_hz: float = 30.0) -> Iterator[Tolerance]:
-    """What the visitor of session A does not see, frame by frame."""
+def walk_viewers(seconds: float, rate_hz: float = 60.0) -> Iterator[tuple[Viewer, ...]]:
+    """The visitor of session A, frame by frame."""
     session = session_named("A", Display.preset("reality-deck"))
     for frame in session.frames(rate_hz):
         if frame.time_s - session.start_s > seconds:
             return
-        yield tolerance_of(frame.viewers, policy)
+        yield frame.viewers
 
 
 def bench_image(quick: bool, say: Say) -> list[Measured]:
     """Rows of ``limen bench image``."""
-    rows = []
+    rows: list[Measured] = []
     for part in (_frames, _reading, _drawing) if quick else (_frames, _reading, _drawing, _ingest):
         say(part.__doc__ or "")
         rows += part(quick)
@@ -80,45 +83,67 @@ BENCHES: dict[str, Callable[[bool, Say], list[Measured]]] = {"image": bench_imag
 
 
 def _frames(quick: bool) -> list[Measured]:
-    """frames of a walk through 416 panels, cache kept"""
+    """frames of a walk through 416 panels at 60 Hz, cache kept"""
     view = one_to_one_room()
     rows = []
     for policy in (Policy("acuity", 1.0), Policy()):
-        select_ms, stream_ms, needed, pages = _walk(view, policy, 15 if quick else 145)
-        both = [a + b for a, b in zip(select_ms, stream_ms, strict=True)]
-        name = f"acuity {policy.acuity_arcmin:g}'"
-        rows += [
-            Measured(f"{name}: pages wanted, mean", float(np.mean(pages)), "pages/frame"),
-            Measured(f"{name}: new pages, mean", float(np.mean(needed)), "pages/frame"),
-            Measured(f"{name}: new pages, 99th percentile", float(np.percentile(needed, 99)), "pages/frame"),
-            Measured(f"{name}: frames that need at most 64 uploads", float(np.mean(np.array(needed) <= 64)), "share"),
-            Measured(f"{name}: select, median", statistics.median(select_ms), "ms"),
-            Measured(f"{name}: stream, median", statistics.median(stream_ms), "ms"),
-            Measured(f"{name}: select + stream, median", statistics.median(both), "ms"),
-            Measured(f"{name}: select + stream, 99th percentile", float(np.percentile(both, 99)), "ms"),
-        ]
+        for ahead_s in (0.0, LOOKAHEAD_S):
+            walk = measure_walk(view, policy, 12 if quick else 145, ahead_s)
+            both = [a + b for a, b in zip(walk.select_ms, walk.stream_ms, strict=True)]
+            name = f"acuity {policy.acuity_arcmin:g}'" + (f", {ahead_s:g} s ahead" if ahead_s else "")
+            rows += [
+                Measured(f"{name}: pages wanted, mean", float(np.mean(walk.wanted)), "pages/frame"),
+                Measured(f"{name}: uploads needed at once, mean", float(np.mean(walk.needed)), "pages/frame"),
+                Measured(f"{name}: uploads needed at once, 99th percentile", _percentile(walk.needed), "pages/frame"),
+                Measured(f"{name}: frames that need at most 64", float(np.mean(np.array(walk.needed) <= 64)), "share"),
+                Measured(f"{name}: select, median", statistics.median(walk.select_ms), "ms"),
+                Measured(f"{name}: stream, median", statistics.median(walk.stream_ms), "ms"),
+                Measured(f"{name}: select + stream, median", statistics.median(both), "ms"),
+                Measured(f"{name}: select + stream, 99th percentile", _percentile(both), "ms"),
+            ]
     return rows
 
 
-def _walk(view: View, policy: Policy, seconds: float) -> tuple[list[float], list[float], list[int], list[int]]:
-    """Milliseconds of selecting and streaming, new pages and wanted pages of every frame after the first second."""
-    times: tuple[list[float], list[float], list[int], list[int]] = ([], [], [], [])
+@dataclass(frozen=True)
+class Walk:
+    """A walk's frames after the first second, one entry a frame."""
+
+    select_ms: list[float]
+    stream_ms: list[float]
+    needed: list[int]
+    wanted: list[int]
+
+
+def measure_walk(view: View, policy: Policy, seconds: float, ahead_s: float) -> Walk:
+    """Select and stream every frame with 64 uploads each, decoding (of blank pages) always done in time."""
+    walk = Walk([], [], [], [])
+    earlier: tuple[Viewer, ...] = ()
     with Stream(Blank(view.pyramid), slots=16_384, cpu_pages=16_384, uploads_per_frame=64) as stream:
-        for number, tolerance in enumerate(walk_tolerances(seconds, policy)):
+        for number, viewers in enumerate(walk_viewers(seconds)):
             begin = time.perf_counter()
-            cut = select(view, tolerance)
+            cut = select(view, tolerance_of(viewers, policy))
+            soon = select_ahead(view, policy, viewers, earlier, ahead_s)
             middle = time.perf_counter()
-            update = stream.update(cut.pages)
+            update = stream.update(cut.pages, soon=soon)
             stream.drawable(cut.pair_page)
             end = time.perf_counter()
-            new = update.statistics.missing + len(update.uploads)
-            while not stream.settled:  # what is new in the next frame is then due to the step alone
-                stream.update(cut.pages, uploads=len(cut))
-                stream.wait()
-            if number >= 30:
-                for values, value in zip(times, ((middle - begin) * 1e3, (end - middle) * 1e3, new, len(cut)), strict=True):
-                    values.append(value)
-    return times
+            earlier = viewers
+            while not stream.idle:
+                stream.wait(0.01)
+            if number == 0:  # start with what the first place needs, as after standing there
+                while not stream.settled:
+                    stream.update(cut.pages, uploads=len(cut))
+                    stream.wait()
+            elif number >= 60:
+                walk.select_ms.append((middle - begin) * 1e3)
+                walk.stream_ms.append((end - middle) * 1e3)
+                walk.needed.append(update.statistics.needed)
+                walk.wanted.append(len(cut))
+    return walk
+
+
+def _percentile(values: list[float] | list[int]) -> float:
+    return float(np.percentile(values, 99))
 
 
 def _reading(quick: bool) -> list[Measured]:
@@ -153,21 +178,24 @@ def _drawing(quick: bool) -> list[Measured]:
             path = Path(folder) / "sample.tif"
             sample_image(path, 0.02 if quick else 0.06)
             with open_image(path) as image:
-                return [row for sampling in ("sharp", "fast") for row in _draw(device, image, sampling, 3 if quick else 9)]
+                return [
+                    row for sampling in ("sharp", "fast") for row in _draw(device, image, sampling, 3 if quick else 9)
+                ]
     finally:
         device.destroy()
 
 
-def _draw(device: Device, image: Image, sampling: str, repeats: int) -> list[Measured]:
+def _draw(device: Device, image: Image, kind: Sampling, repeats: int) -> list[Measured]:
     display = Display.preset("desktop")
     viewer = standing_viewer(display)
     rows = []
-    kind = "sharp" if sampling == "sharp" else "fast"
     with Renderer(device, display, image, OnSurface("cover"), sampling=kind) as renderer:
         for policy in (Policy("full"), Policy()):
             next(iter(renderer.pictures([viewer], policy)))
             drawn = [_timed(lambda: next(iter(renderer.pictures([viewer], policy)))) for _ in range(repeats)]  # noqa: B023
-            rows.append(Measured(f"2560 x 1440 panel, {kind}, {policy.name}: draw + read", statistics.median(drawn), "ms"))
+            rows.append(
+                Measured(f"2560 x 1440 panel, {kind}, {policy.name}: draw + read", statistics.median(drawn), "ms")
+            )
         if kind == "sharp":
             feedback = Feedback(device, renderer.view)
             tolerance = tolerance_of([viewer], Policy())
