@@ -30,12 +30,12 @@ def demo(
     *,
     content: Annotated[Path | None, Parameter(help="An image of yours instead of the sample.")] = None,
     out: Annotated[Path, Parameter(help="Folder for the report and the pictures.")] = Path("limen-demo"),
-    fit: FitOption = "contain",
+    fit: FitOption | None = None,
     common: Common = DEFAULT,
 ) -> None:
     """Walk a visitor through the Reality Deck and write an illustrated report."""
     output = Output(common)
-    result = run_demo(content, out, output.progress, OnSurface(fit))
+    result = run_demo(content, out, output.progress, OnSurface(fit) if fit else None)
     own, paper = (report.summary() for report in result.traffic)
     output.result(
         DemoReport(

@@ -24,7 +24,7 @@ from limen.errors import NeedsIngestError
 from limen.frame import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.placement import OnSurface
+from limen.placement import Fit, OnSurface
 from limen.present.file import write_bytes, write_picture
 from limen.present.room import draw_room, draw_surface
 from limen.select.image import levels_at, select, view_of
@@ -41,7 +41,9 @@ __all__ = ["DemoResult", "Watch", "cache_folder", "run_demo"]
 
 Rgb = NDArray[np.uint8]
 
-SAMPLE_GIGAPIXELS = 0.5
+SAMPLE_PX, SAMPLE_SEED = (92_160, 7_200), 1
+"""The sample is 0.66 gigapixels: a texel on every pixel of five rows of the left, front and right wall."""
+
 _PREVIEW_SCALE = 1 / 20
 _TINT_CELLS = (48, 27)
 _FILM_FRAMES, _FILM_SIZE, _FILM_MS = 48, (960, 480), 120
@@ -82,13 +84,13 @@ def run_demo(content: Path | None, out: Path, watch: Watch, placement: OnSurface
     Parameters
     ----------
     content
-        An image; ``None`` makes (once) a sample image of half a gigapixel.
+        An image; ``None`` makes (once) a sample image.
     out
         The folder for the report and the pictures.
     watch
         Told what is going on.
     placement
-        How the image lies on the room's walls.
+        How the image lies on the room's walls: by default the sample one-to-one, other images fitted inside.
 
     Raises
     ------
@@ -99,7 +101,8 @@ def run_demo(content: Path | None, out: Path, watch: Watch, placement: OnSurface
     display = Display.preset("reality-deck")
     session = session_named("A", display)
     with _opened(content, watch) as image, _device() as device:
-        tour = _Tour(device, display, image, placement or OnSurface(), session, out)
+        fit: Fit = "one-to-one" if content is None else "contain"
+        tour = _Tour(device, display, image, placement or OnSurface(fit), session, out)
         scenes = [tour.scene(moment, watch) for moment in tour.moments]
         crops = tour.crops(scenes[0], watch)
         film = tour.film(watch)
@@ -263,10 +266,12 @@ def _opened(content: Path | None, watch: Watch) -> Iterator[Image]:
 
 
 def _sample(watch: Watch) -> Path:
-    path = cache_folder() / f"sample-{SAMPLE_GIGAPIXELS}-gigapixels.tif"
+    width, height = SAMPLE_PX
+    path = cache_folder() / f"sample-{width}x{height}-seed{SAMPLE_SEED}.tif"
     if not path.exists():
-        with watch(f"making a sample image of {SAMPLE_GIGAPIXELS} gigapixels (once)", 1.0) as step:
-            sample_image(path, SAMPLE_GIGAPIXELS, progress=_fraction(step))
+        gigapixels = width * height / 1e9
+        with watch(f"making a sample image of {gigapixels:.2f} gigapixels (once)", 1.0) as step:
+            sample_image(path, gigapixels, SAMPLE_SEED, aspect=width / height, width_px=width, progress=_fraction(step))
     return path
 
 
