@@ -6,6 +6,7 @@
     ├── InputError (ValueError)              what the user gave is wrong
     │   ├── MissingFileError (FileNotFoundError)
     │   ├── FormatError                      a file's content cannot be used
+    │   │   └── NeedsIngestError             it can, once `limen ingest` has made it ready
     │   ├── DisplayError                     a display's geometry cannot be used
     │   └── SessionError                     a track of viewers cannot be used
     ├── StorageError (OSError)               the disk refused: full, read-only
@@ -28,6 +29,7 @@ __all__ = [
     "InputError",
     "LimenError",
     "MissingFileError",
+    "NeedsIngestError",
     "NoAdapterError",
     "PageError",
     "SessionError",
@@ -49,6 +51,10 @@ class MissingFileError(InputError, FileNotFoundError):
 
 class FormatError(InputError):
     """A file exists and its content cannot be used."""
+
+
+class NeedsIngestError(FormatError):
+    """A file is too large to be shown as it is; ``limen ingest`` makes it ready."""
 
 
 class DisplayError(InputError):

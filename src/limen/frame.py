@@ -27,13 +27,17 @@ from limen.select.cut import Cut
 from limen.select.image import View, select, view_of
 from limen.stream import Drawable, Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
-from limen.vision.acuity import HUMAN_ARCMIN
 from limen.viewer import Viewer
+from limen.vision.acuity import HUMAN_ARCMIN
 
-__all__ = ["GPU_BYTES", "FrameReport", "Renderer", "render"]
+__all__ = ["GPU_BYTES", "LOOKAHEAD_S", "FrameReport", "Renderer", "render", "select_ahead"]
 
 GPU_BYTES = 512 << 20
 """Memory for pages on the GPU, unless told otherwise: 1,900 pages."""
+
+LOOKAHEAD_S = 0.4
+"""How far ahead pages are fetched. Levels change in bursts, when a ring of distance sweeps over many pages at once;
+fetching early spreads a burst over the frames before it."""
 
 _QUILT_PX = 1 << 25
 """Pixels of one offscreen quilt: nine panels of 2560 x 1440, 134 MB."""
@@ -109,6 +113,7 @@ class Renderer:
             threads=threads or max(2, os.cpu_count() or 2),
         )
         self._parts: dict[Quilt, View] = {}
+        self._earlier: tuple[Viewer, ...] = ()
 
     # ------------------------------------------------------------------ live
 
@@ -131,7 +136,9 @@ class Renderer:
         tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
         cut = select(self.view, tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
         selected = time.perf_counter()
-        update = self._stream.update(cut.pages)
+        soon = select_ahead(self.view, policy, viewers, self._earlier, LOOKAHEAD_S)
+        self._earlier = tuple(viewers)
+        update = self._stream.update(cut.pages, soon=soon)
         drawable = self._drawable(cut)
         streamed = time.perf_counter()
         self._pool.write(update.uploads)
@@ -228,7 +235,11 @@ class Renderer:
             self._stream.wait()
 
     def _drawable(self, cut: Cut) -> Drawable:
-        return self._stream.all_drawable() if isinstance(self.view.placement, OnShape) else self._stream.drawable(cut.pair_page)
+        return (
+            self._stream.all_drawable()
+            if isinstance(self.view.placement, OnShape)
+            else self._stream.drawable(cut.pair_page)
+        )
 
 
 def render(
@@ -296,6 +307,18 @@ def render(
             adapter.destroy()
         if opened is not image:
             opened.close()
+
+
+def select_ahead(
+    view: View, policy: Policy, viewers: Sequence[Viewer], earlier: Sequence[Viewer], seconds: float
+) -> NDArray[np.int64] | None:
+    """Pages for where the viewers will be if they walk on as since the frame before; ``None`` if nobody moves."""
+    if seconds <= 0 or len(viewers) != len(earlier):
+        return None
+    moved = [viewer.extrapolated(before, seconds) for viewer, before in zip(viewers, earlier, strict=True)]
+    if moved == list(viewers):
+        return None
+    return select(view, tolerance_of(moved, policy), eye_m=_first_eye(moved)).pages
 
 
 def _first_eye(viewers: Sequence[Viewer]) -> tuple[float, float, float] | None:

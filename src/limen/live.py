@@ -11,6 +11,7 @@ import numpy as np
 from limen.data.image import Image
 from limen.display.display import Display
 from limen.display.quilt import Quilt
+from limen.draw.image import Overlay, Sampling
 from limen.frame import FrameReport, Renderer
 from limen.gpu.device import Device, open_device
 from limen.placement import Fit, OnSurface
@@ -55,7 +56,9 @@ def unrolled_quilt(display: Display, size_px: tuple[int, int]) -> tuple[Display,
 class Live:
     """The state of a window, changed by events and drawn frame by frame."""
 
-    def __init__(self, device: Device, image: Image, display: Display | None, tour: Tour | None, settings: LiveSettings) -> None:
+    def __init__(
+        self, device: Device, image: Image, display: Display | None, tour: Tour | None, settings: LiveSettings
+    ) -> None:
         self._device, self._image, self._display = device, image, display
         self._tour = tour or (lambda _time_s: (Viewer((0.0, 0.0, 0.0)),))
         self._policy, self._overlay = settings.policy, settings.overlay
@@ -77,7 +80,7 @@ class Live:
         if not self._paused:
             self._clock_s += surface.time_s - self._last_s
         self._last_s = surface.time_s
-        overlay = "levels" if self._overlay else None
+        overlay: Overlay | None = "levels" if self._overlay else None
         self.last = self._renderer.frame(
             list(self._tour(self._clock_s)), self._policy, quilt=self._quilt, overlay=overlay,
             target=surface.target, target_format=surface.target_format,
@@ -110,7 +113,9 @@ class Live:
             case "o":
                 self._overlay = not self._overlay
             case "p":
-                self._policy = Policy("full") if self._policy.name == "acuity" else Policy("acuity", self._policy.acuity_arcmin)
+                self._policy = (
+                    Policy("full") if self._policy.name == "acuity" else Policy("acuity", self._policy.acuity_arcmin)
+                )
             case " ":
                 self._paused = not self._paused
             case "0":
@@ -126,7 +131,7 @@ class Live:
             self._quilt = Quilt(size_px, (0,), ((0, 0),))
         else:
             shown, self._quilt = unrolled_quilt(self._display, size_px)
-        sampling = "fast" if self._device.is_software else "sharp"
+        sampling: Sampling = "fast" if self._device.is_software else "sharp"
         self._renderer = Renderer(self._device, shown, self._image, self._placement, sampling=sampling)
 
     def _texels_per_pixel(self) -> float:

@@ -62,7 +62,8 @@ class Statistics:
     """One frame of a stream."""
 
     wanted: int
-    missing: int  # wanted, but drawn from an ancestor
+    needed: int  # wanted, and not resident when the frame began
+    missing: int  # wanted, and not resident after its uploads either: drawn from an ancestor
     uploads: int
     decoded_waiting: int
     queued: int
@@ -126,23 +127,30 @@ class Stream:
 
     # ------------------------------------------------------------------ what a frame does
 
-    def update(self, wanted: NDArray[np.int64], *, uploads: int | None = None) -> Update:
+    def update(
+        self, wanted: NDArray[np.int64], *, soon: NDArray[np.int64] | None = None, uploads: int | None = None
+    ) -> Update:
         """One frame: queue what is missing, hand over what is decoded. Never waits for a page.
 
         Parameters
         ----------
         wanted
             Distinct page numbers, the most important first.
+        soon
+            Pages that will be wanted shortly: they come after all others, in whatever room is left.
         uploads
             Another upload budget for this frame.
         """
         begin = time.perf_counter()
         self._frame += 1
-        slots = self._slot_of[wanted[: len(self._page_in) - 1]]  # what the pool can hold beside the pinned page
-        self._last_used[slots[slots >= 0]] = self._frame
-        missing = wanted[: len(slots)][slots < 0]
+        room = len(self._page_in) - 1  # what the pool can hold beside the pinned page
+        missing = self._touch(wanted[:room])
         if self._slot_of[self._pinned] < 0:
             missing = np.concatenate([np.array([self._pinned]), missing[missing != self._pinned]])
+        needed = len(missing)
+        if soon is not None:
+            later = np.setdiff1d(soon, wanted, assume_unique=True)[: max(0, room - len(wanted))]
+            missing = np.concatenate([missing, self._touch(later)])
         with self._lock:
             ready = self._take_decoded(missing, self._uploads_per_frame if uploads is None else uploads)
             self._enqueue(missing, {page for page, _ in ready})
@@ -150,6 +158,7 @@ class Stream:
         placed = self._place(ready)
         statistics = Statistics(
             wanted=len(wanted),
+            needed=needed,
             missing=int((self._slot_of[wanted] < 0).sum()),
             uploads=len(placed),
             decoded_waiting=waiting,
@@ -196,6 +205,12 @@ class Stream:
         return Drawable(slot, coarser)
 
     @property
+    def idle(self) -> bool:
+        """Nothing is queued or being decoded."""
+        with self._lock:
+            return not (self._queue or self._decoding)
+
+    @property
     def settled(self) -> bool:
         """Nothing is queued, being decoded, or waiting for its upload."""
         with self._lock:
@@ -222,6 +237,12 @@ class Stream:
         self.close()
 
     # ------------------------------------------------------------------ steps of an update
+
+    def _touch(self, pages: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Mark pages as used by this frame; returns those that are not resident, in their order."""
+        slots = self._slot_of[pages]
+        self._last_used[slots[slots >= 0]] = self._frame
+        return pages[slots < 0]
 
     def _take_decoded(self, missing: NDArray[np.int64], budget: int) -> list[tuple[int, NDArray[np.uint8]]]:
         """Up to ``budget`` decoded pages, the most important first; what nobody wants any more is dropped."""

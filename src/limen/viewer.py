@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,6 +75,20 @@ class Viewer:
             return centre[None]
         half = np.array(self._rightward()) * (self.eye_separation_m / 2)
         return np.stack([centre - half, centre + half])
+
+    def extrapolated(self, earlier: Viewer, seconds: float) -> Viewer:
+        """Where the viewer will be, walking on as since ``earlier``; unmoved where that tells nothing.
+
+        Jumps (more than 5 m/s: the tracker changed its mind) and pauses of over a second are not walked on.
+        """
+        elapsed = self.time_s - earlier.time_s
+        if not 0 < elapsed <= 1:
+            return self
+        step = [(here - there) / elapsed for here, there in zip(self.position_m, earlier.position_m, strict=True)]
+        if math.hypot(*step) > 5:
+            return self
+        x, y, z = (here + speed * seconds for here, speed in zip(self.position_m, step, strict=True))
+        return replace(self, position_m=(x, y, z))
 
     def _rightward(self) -> Vec3:
         across = cross(self.direction, _UP)

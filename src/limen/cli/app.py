@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import os
 import sys
 import traceback
@@ -15,18 +16,24 @@ from limen.errors import LimenError
 __all__ = ["app", "main"]
 
 _VERBS = {
-    "demo": "Walk a visitor through the Reality Deck and write an illustrated report.",
-    "doctor": "What this machine can do, what is missing, and the command that mends it.",
-    "sample": "Make test data of any size.",
-    "info": "What a file is.",
-    "ingest": "Make a file ready: a pyramid that is opened in place.",
-    "display": "Check, list, draw or convert a display.",
-    "walk": "Make a session: visitors who walk in front of a display.",
-    "show": "Draw content on a display: a window, or files with --out.",
-    "traffic": "Count what would have to move, frame by frame.",
-    "bench": "The benchmark tables of the documentation.",
+    "demo": ("Walk a visitor through the Reality Deck and write an illustrated report.", "--content panorama.jpg"),
+    "doctor": ("What this machine can do, what is missing, and the command that mends it.", "--json"),
+    "sample": ("Make test data of any size.", "image world.tif --gigapixels 1"),
+    "info": ("What a file is.", "mars.tif"),
+    "ingest": ("Make a file ready: a pyramid that is opened in place.", "panorama.png panorama.tif"),
+    "display": ("Check, list, draw or convert a display.", "reality-deck --picture room.png"),
+    "walk": ("Make a session: visitors who walk in front of a display.", "--display rostock --seconds 60 walk.csv"),
+    "show": (
+        "Draw content on a display: a window, or files with --out.",
+        "mars.tif --display reality-deck --session A --frames 3 --out frames --scale 0.125 --simulate",
+    ),
+    "traffic": (
+        "Count what would have to move, frame by frame.",
+        "one-to-one --display reality-deck --panels 'front/*' 'left/*' 'right/*' --session A B C",
+    ),
+    "bench": ("The benchmark tables of the documentation.", "image --quick"),
 }
-"""In the order of the help page; each is ``limen.cli.<verb>:<verb>``, imported only when it is typed."""
+"""What each verb does, and an example. ``limen.cli.<verb>:<verb>`` is imported only when it is typed."""
 
 _EXIT_OURS, _EXIT_INPUT, _EXIT_INTERRUPTED = 1, 2, 130
 
@@ -42,13 +49,17 @@ app = App(
     help="Gigapixel images on any display made of flat panels, drawn to the threshold of what a viewer can see.",
     version=_version,
 )
-for _verb, _summary in _VERBS.items():
-    app.command(f"limen.cli.{_verb}:{_verb}", name=_verb, help=_summary)
+for _verb, (_summary, _example) in _VERBS.items():
+    app.command(f"limen.cli.{_verb}:{_verb}", name=_verb, help=f"{_summary}\n\nExample: limen {_verb} {_example}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 2 the input is wrong, 1 limen's own fault, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words and not words[0].startswith("-") and words[0] not in _VERBS:
+        close = difflib.get_close_matches(words[0], _VERBS, n=1)
+        meant = f"; did you mean '{close[0]}'?" if close else ""
+        _fail(f"no verb is named '{words[0]}': there are {', '.join(_VERBS)}{meant}", _EXIT_INPUT)
     try:
         app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -66,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if "-v" in words or "--verbose" in words:
             traceback.print_exc()
         _fail(
-            f"a fault in limen itself: {type(error).__name__}: {error} (run again with -v for the traceback)",
+            f"a fault in limen itself: {type(error).__name__}: {error} (-v shows the traceback)",
             _EXIT_OURS,
         )
 

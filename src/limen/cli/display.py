@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from limen.cli.output import DEFAULT, Common, Output
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.present.file import write_atomically, write_picture
+from limen.present.file import write_bytes, write_picture
 from limen.present.room import draw_room
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, optimal_distance_m
 
@@ -49,10 +49,7 @@ def display(
     to_toml: Annotated[Path | None, Parameter(help="Write the display with every panel spelled out.")] = None,
     common: Common = DEFAULT,
 ) -> None:
-    """Check, list, draw or convert a display.
-
-    Example: limen display reality-deck --picture room.png
-    """
+    """Check, list, draw or convert a display."""
     out = Output(common)
     chosen = Display.named(display)
     report = _report(chosen)
@@ -60,7 +57,7 @@ def display(
         write_picture(picture, draw_room(chosen))
         report.picture = str(picture)
     if to_toml is not None:
-        write_atomically(to_toml, lambda file: file.write(chosen.to_toml().encode()))
+        write_bytes(to_toml, chosen.to_toml().encode())
         report.toml = str(to_toml)
     _print(out, chosen, report)
     out.result(report)

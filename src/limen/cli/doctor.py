@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from limen.cli.output import DEFAULT, Common, Output
-from limen.gpu.adapters import AdapterInfo, driver_advice, list_adapters
+from limen.gpu.adapters import AdapterInfo, driver_advice, linux_cure, list_adapters
 
 __all__ = ["doctor"]
 
@@ -116,7 +116,7 @@ def _adapter_problems(found: list[AdapterInfo]) -> list[Problem]:
             )
         )
     if best.backend == "OpenGL":
-        problems.append(Problem("only OpenGL answers, Vulkan does not: drawing is slower", driver_advice()))
+        problems.append(Problem("only OpenGL answers, Vulkan does not: drawing is slower", linux_cure()))
     if best.limits.get("max-texture-dimension-2d", 0) < _LEAST_TEXTURE_PX:
         problems.append(
             Problem(f"textures are limited to {best.limits.get('max-texture-dimension-2d')} px", "use smaller quilts")

@@ -69,15 +69,15 @@ def show(
     frames: Annotated[int, Parameter(help="With --out: how many moments, spread over the session.")] = 1,
     scale: Annotated[float, Parameter(help="With --out: draw panels with fewer pixels (0.125: an eighth).")] = 1.0,
     picture_format: Annotated[Literal["jpg", "png"], Parameter(name="--format")] = "jpg",
-    simulate: Annotated[bool, Parameter(negative="", help="With --out: also draw the room and the unrolled wall.")] = False,
+    simulate: Annotated[
+        bool, Parameter(negative="", help="With --out: also draw the room and the unrolled wall.")
+    ] = False,
     seconds: Annotated[float | None, Parameter(help="Close the window after this long.")] = None,
     common: Common = DEFAULT,
 ) -> None:
     """Draw content on a display: a window, or files with --out.
 
     Without --display, a window shows the image as a viewer does: drag to move, wheel to zoom.
-
-    Example: limen show mars.tif --display reality-deck --session A --frames 3 --out frames --scale 0.125 --simulate
     """
     out_stream = Output(common)
     if frames < 1:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from limen.select.image import View
     from limen.study.traffic import Report, Row, SessionTraffic
 
-__all__ = ["traffic"]
+__all__ = ["print_traffic", "traffic"]
 
 ONE_TO_ONE = "one-to-one"
 _Words = Annotated[list[str], Parameter(consume_multiple=True, negative="")]
@@ -38,8 +38,6 @@ def traffic(
     common: Common = DEFAULT,
 ) -> None:
     """Count the pages that every frame of a session needs, policy by policy, with nothing kept between frames.
-
-    Example: limen traffic one-to-one --display reality-deck --panels 'front/*' 'left/*' 'right/*' --session A B C
 
     Parameters
     ----------
@@ -76,7 +74,7 @@ def traffic(
         if walked.display != whole.name:
             out.say(f"session '{walked.name}' was made for '{walked.display}', and is counted on '{whole.name}'")
     if plot is not None:
-        from limen.study.plots import traffic_plot, format_of
+        from limen.study.plots import format_of, traffic_plot
 
         format_of(plot)  # a wrong ending should not cost a minute of counting
     view, page_bytes = _view(content, part, fit)
@@ -89,13 +87,13 @@ def traffic(
     if plot is not None:
         traffic_plot(report, plot)
     out.result(report.summary())
-    _print(out, report)
+    print_traffic(out, report)
 
 
 def _view(content: str, display: Display, fit: str) -> tuple[View, float]:
     from limen.placement import OnSurface
     from limen.select.image import view_of
-    from limen.study.traffic import PAPER_PAGE_BYTES, one_to_one_view
+    from limen.study.traffic import PAPER_PAGE_BYTES, one_to_one_view, page_bytes_of
 
     if content == ONE_TO_ONE:
         return one_to_one_view(display), PAPER_PAGE_BYTES
@@ -103,7 +101,7 @@ def _view(content: str, display: Display, fit: str) -> tuple[View, float]:
     image: Any = _open(content)
     if not hasattr(image, "pyramid"):
         raise InputError(f"{content}: traffic counts the pages of images, and this is none")
-    return view_of(display, image.pyramid, placement), float(image.mean_page_bytes)
+    return view_of(display, image.pyramid, placement), page_bytes_of(image)
 
 
 def _open(path: str) -> Any:
@@ -112,34 +110,38 @@ def _open(path: str) -> Any:
     return limen.open(path)
 
 
-def _print(out: Output, report: Report) -> None:
+def print_traffic(out: Output, report: Report) -> None:
     summary = report.summary()
-    rows = [line for session in summary.sessions for line in _lines(session)]
     where = f"{summary.display}, {summary.panels} panels, {summary.total_px / 1e9:.3g} gigapixels"
-    columns = ("session", "policy", "pages/frame", "99th pct", "MB/frame", "MB/s at 30/s", "saved", "texels/floor", "floor Mpx")
-    out.table(f"{summary.content} on {where}", columns, rows)
+    columns = ("", "policy", "pages", "99 %", "MB", "MB/s", "saved", "x floor")
+    rows = [line for session in summary.sessions for line in _lines(session)]
+    out.table(f"{summary.content} on {where}: a frame needs", columns, rows)
+    out.line()
+    for session in summary.sessions:
+        people = "1 viewer" if session.viewers == 1 else f"{session.viewers} viewers"
+        floor = f"{session.floor_samples_mean / 1e6:.1f} million samples a frame"
+        out.line(
+            f"{session.name}: {session.frames:,} frames, {session.duration_s:g} s, {people}; human eyes resolve {floor}"
+        )
     out.line(
-        f"A page is 256 x 256 texels, {summary.page_bytes / 1000:.3g} kB; nothing is kept between frames"
-        + (", and every node fetches for itself." if summary.per_node else ".")
-        + " Floor: samples that eyes of that acuity could resolve."
+        f"A page is 256 x 256 texels, {summary.page_bytes / 1000:.3g} kB; nothing is kept from frame to frame"
+        + (", and every node fetches for itself" if summary.per_node else "")
+        + "; MB/s at 30 frames/s;\nx floor: texels moved over what eyes of that acuity resolve."
     )
 
 
 def _lines(session: SessionTraffic) -> list[Sequence[object]]:
-    return [_line(session, row, number == 0) for number, row in enumerate(session.rows)]
+    return [_line(session.name if number == 0 else "", row) for number, row in enumerate(session.rows)]
 
 
-def _line(session: SessionTraffic, row: Row, first: bool) -> Sequence[object]:
-    name = f"{session.name} ({session.frames:,} frames)" if first else ""
-    label = row.policy if row.acuity_arcmin is None else f"{row.policy} {row.acuity_arcmin:g}'"
+def _line(name: str, row: Row) -> Sequence[object]:
     return (
         name,
-        label,
+        row.policy if row.acuity_arcmin is None else f"{row.policy} {row.acuity_arcmin:g}'",
         f"{row.pages_mean:,.0f}",
         f"{row.pages_p99:,.0f}",
         f"{row.bytes_mean / 1e6:,.1f}",
         f"{row.bytes_per_s / 1e6:,.0f}",
         "-" if row.policy == "full" else f"{row.saving * 100:.1f} %",
         f"{row.texels_over_floor:.2f}",
-        f"{session.floor_samples_mean / 1e6:.1f}" if first else "",
     )

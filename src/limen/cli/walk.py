@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from limen.cli.output import DEFAULT, Common, Output
 from limen.display.display import Display
@@ -22,12 +19,12 @@ def walk(
     seed: int = 0,
     viewers: int = 1,
     rate_hz: float = 120.0,
-    picture: Annotated[Path | None, Parameter(help="Also draw heat map, hotspots and path to this .png or .svg.")] = None,
+    picture: Path | None = None,
     common: Common = DEFAULT,
 ) -> None:
     """Make a session: people who walk between places of interest in front of a display.
 
-    Example: limen walk --display reality-deck --seconds 60 --viewers 2 two.csv
+    Example: `limen walk --display reality-deck --seconds 60 --viewers 2 two.csv`
 
     Parameters
     ----------
@@ -43,18 +40,24 @@ def walk(
         How many people walk.
     rate_hz
         Samples a second.
+    picture
+        Also draw the heat map, the hotspots and the paths to this .png or .svg.
     """
     from limen.track.replay import write_session
-    from limen.track.walk import heat_map, make_walk
+    from limen.track.walk import heat_map, make_walk, plan_of
 
     output = Output(common)
     shown = Display.named(display)
+    if picture is not None:
+        from limen.study.plots import format_of, walk_plot
+
+        format_of(picture)
     session = make_walk(shown, seconds, seed, viewers, rate_hz, name=out.stem)
     write_session(out, session)
     if picture is not None:
-        from limen.study.plots import walk_plot
-
-        walk_plot(shown, heat_map(shown, seed), session, picture)
+        heat = heat_map(shown, seed)
+        plans = [plan_of(heat, seed, number, session.length_m / viewers) for number in range(viewers)]
+        walk_plot(heat, [plan.corners_m[plan.stops] for plan in plans], session, picture)
     result = {
         "path": str(out),
         "frames": session.sample_count,
@@ -68,4 +71,6 @@ def walk(
     }
     output.result(result)
     people = "1 viewer" if viewers == 1 else f"{viewers} viewers"
-    output.line(f"{out}: {session.sample_count:,} frames, {session.duration_s:g} s, {people}, {session.length_m:.1f} m walked")
+    output.line(
+        f"{out}: {session.sample_count:,} frames, {session.duration_s:g} s, {people}, {session.length_m:.1f} m walked"
+    )

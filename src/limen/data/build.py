@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import msgspec
 import numpy as np
@@ -56,7 +58,7 @@ class _Source:
 
     size_px: tuple[int, int]
     bands: int
-    rows: Iterator[Texels]
+    rows: Generator[Texels, None, None]
 
 
 def ingest(
@@ -82,10 +84,11 @@ def ingest(
     with Footprint() as footprint, ExitStack() as stack:
         pool = stack.enter_context(ThreadPoolExecutor(workers or worker_count(), thread_name_prefix="limen-read"))
         source = _open_source(src, stack, pool)
+        stack.enter_context(closing(source.rows))
         coder = JpegTiles(quality, subsampling) if source.bands == 3 else DeflateTiles()
         with PyramidWriter(dst, source.size_px, coder, workers=workers) as writer:
             done = 0
-            for rows in _ahead(source.rows):
+            for rows in stack.enter_context(closing(_ahead(source.rows))):
                 writer.push(rows)
                 done += rows.shape[0]
                 if progress is not None:
@@ -111,7 +114,7 @@ def _check_target(src: Path, dst: Path) -> None:
         raise InputError(f"{dst}: is the source itself; name another file for the result")
 
 
-def _ahead(rows: Iterator[Texels]) -> Iterator[Texels]:
+def _ahead(rows: Iterator[Texels]) -> Generator[Texels, None, None]:
     """The same blocks, each made in a thread while the one before is used."""
     with ThreadPoolExecutor(1, thread_name_prefix="limen-ahead") as reader:
         coming = reader.submit(next, rows, None)
@@ -147,18 +150,56 @@ def _is_opaque(path: Path, level: TileLevel) -> bool:
         raise FormatError(f"{path}: its first tile cannot be read ({vips.one_line(error)}); copy it again") from error
 
 
-def _vips_rows(path: Path, image: pyvips.Image) -> Iterator[Texels]:
-    for y in range(0, image.height, _ROWS_AT_ONCE):
+def _vips_rows(path: Path, image: pyvips.Image) -> Generator[Texels, None, None]:
+    """One run of libvips' pipeline, its texels through a pipe: the only way that suits every sequential loader.
+
+    (Cropping block after block starts a pipeline for each, and some loaders cannot resume.)
+    """
+    width, height, bands = image.width, image.height, image.bands
+    outlet, inlet = os.pipe()
+    with ThreadPoolExecutor(1, thread_name_prefix="limen-vips") as runner, os.fdopen(outlet, "rb", 0) as stream:
+        running = runner.submit(_run_pipeline, image, inlet)
+        for y in range(0, height, _ROWS_AT_ONCE):
+            rows = np.empty((min(_ROWS_AT_ONCE, height - y), width, bands), dtype=np.uint8)
+            if not _fill(rows, stream):
+                break
+            yield rows
+        stream.close()  # a pipeline that still wants to write ends with an error of its own, which nobody waits for
+        problem = running.exception()
+    if isinstance(problem, pyvips.Error) and y + _ROWS_AT_ONCE < height:
+        raise FormatError(
+            f"{path}: cannot be decoded beyond row {y}, it is damaged or cut short "
+            f"({vips.one_line(problem)}); copy it again"
+        ) from problem
+
+
+def _run_pipeline(image: pyvips.Image, inlet: int) -> None:
+    def write(chunk: bytes) -> int:
         try:
-            yield vips.texels_of(image.crop(0, y, image.width, min(_ROWS_AT_ONCE, image.height - y)))
-        except pyvips.Error as error:
-            raise FormatError(
-                f"{path}: cannot be decoded beyond row {y}, it is damaged or cut short "
-                f"({vips.one_line(error)}); copy it again"
-            ) from error
+            return os.write(inlet, chunk)
+        except OSError:  # nobody reads any more; libvips takes this for a failure and stops
+            return -1
+
+    target = pyvips.TargetCustom()
+    target.on_write(write)
+    try:
+        image.rawsave_target(target)
+    finally:
+        os.close(inlet)
 
 
-def _tile_rows(path: Path, level: TileLevel, bands: int, pool: ThreadPoolExecutor) -> Iterator[Texels]:
+def _fill(rows: Texels, stream: BinaryIO) -> bool:
+    """Whether the stream held enough to fill the rows."""
+    view, done = rows.reshape(-1).data, 0
+    while done < len(view):
+        count = stream.readinto(view[done:])  # type: ignore[attr-defined]
+        if not count:
+            return False
+        done += count
+    return True
+
+
+def _tile_rows(path: Path, level: TileLevel, bands: int, pool: ThreadPoolExecutor) -> Generator[Texels, None, None]:
     """Blocks of whole rows of tiles, decoded by many threads straight into place."""
     (width, height), (tile_w, tile_h) = level.size_px, level.tile_px
     tiles_down = max(1, _ROWS_AT_ONCE // tile_h)
@@ -183,7 +224,7 @@ def _tile_rows(path: Path, level: TileLevel, bands: int, pool: ThreadPoolExecuto
         yield block
 
 
-def _converted(path: Path, blocks: Iterator[Texels], profile: bytes) -> Iterator[Texels]:
+def _converted(path: Path, blocks: Iterator[Texels], profile: bytes) -> Generator[Texels, None, None]:
     for rows in blocks:
         height, width, bands = rows.shape
         image = pyvips.Image.new_from_memory(rows.data, width, height, bands, "uchar").copy(interpretation="srgb")

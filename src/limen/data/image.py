@@ -25,7 +25,7 @@ from limen.data.deepzoom import DeepZoomLevel, open_deepzoom
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.data.tiff import TiffImage, TiffLevel, is_tiff
 from limen.data.tiles import ArrayLevel, DerivedLevel, TileLevel, read_rectangle
-from limen.errors import FormatError, InputError, MissingFileError, PageError
+from limen.errors import FormatError, InputError, MissingFileError, NeedsIngestError, PageError
 
 __all__ = [
     "CACHE_BYTES",
@@ -253,7 +253,7 @@ def _assemble(
     gaps = [max(coarse.scale) / max(fine.scale) for fine, coarse in itertools.pairwise(levels)]
     if width * height > LARGEST_IN_MEMORY_PX or any(gap > _LARGEST_GAP for gap in gaps):
         why = "lacks the reduced levels that a picture of its size needs"
-        raise FormatError(_ingest_first(path, levels[0].size_px, why))
+        raise NeedsIngestError(_ingest_first(path, levels[0].size_px, why))
     complete: list[TileLevel] = list(levels)
     if width * height > _ON_DEMAND_PX:
         complete[-1:] = _in_memory(path, levels[-1])
@@ -276,7 +276,7 @@ def _in_memory(path: Path, level: TileLevel) -> list[TileLevel]:
 def _open_decoded(path: Path, cache_bytes: int) -> Image:
     image = vips.load(path, sequential=True)
     if image.width * image.height > LARGEST_IN_MEMORY_PX:
-        raise FormatError(_ingest_first(path, (image.width, image.height), "is too large to open in memory"))
+        raise NeedsIngestError(_ingest_first(path, (image.width, image.height), "is too large to open in memory"))
     facts = _decoded_facts(image)
     try:
         texels = vips.texels_of(vips.to_srgb(image))

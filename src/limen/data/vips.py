@@ -87,7 +87,7 @@ def _halved(image: pyvips.Image) -> pyvips.Image:
     colour = image.extract_band(0, n=3) if opacity is not None else image
     light = colour.maplut(to_linear)
     if opacity is None:
-        return _reduced(light).maplut(to_code)
+        return (_reduced(light) + 0.5).cast("ushort").maplut(to_code)
     share = opacity.cast("float") / 255.0
     thin = _reduced(share)
     weighed = _reduced(light * share) / (thin > 1e-6).ifthenelse(thin, 1e-6)
@@ -96,4 +96,5 @@ def _halved(image: pyvips.Image) -> pyvips.Image:
 
 
 def _reduced(image: pyvips.Image) -> pyvips.Image:
-    return image.reduce(2.0, 2.0, kernel="lanczos2")
+    # In float: with integers libvips would clip what overshoots between its vertical and its horizontal pass.
+    return image.cast("float").reduce(2.0, 2.0, kernel="lanczos2")

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-__all__ = ["AdapterInfo", "driver_advice", "list_adapters"]
+__all__ = ["AdapterInfo", "driver_advice", "linux_cure", "list_adapters"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +67,7 @@ def driver_advice(system: str | None = None, families: Sequence[str] | None = No
         return "wgpu sees no Metal adapter; update macOS (limen needs 11 or newer on a Mac with Metal)."
     if system == "Windows":
         return "wgpu sees neither a DirectX 12 nor a Vulkan driver; install the newest driver of this machine's GPU."
-    cure = _linux_cure(_linux_families() if families is None else families)
-    return f"wgpu sees neither a Vulkan nor an OpenGL (EGL) driver; {cure}."
+    return f"wgpu sees neither a Vulkan nor an OpenGL (EGL) driver; {linux_cure(families)}."
 
 
 _CURES = {
@@ -84,8 +83,9 @@ _EVERY_CURE = (
 )
 
 
-def _linux_cure(families: Sequence[str]) -> str:
-    for family in families:
+def linux_cure(families: Sequence[str] | None = None) -> str:
+    """How to get a Vulkan driver on this Linux, or on one of these families."""
+    for family in _linux_families() if families is None else families:
         cure = _CURES.get(_RELATIVES.get(family, family))
         if cure:
             return cure

@@ -1,27 +1,25 @@
-"""Pictures and reports into files: written beside, then renamed, so that nothing is ever half there."""
+"""Pictures and reports into files, each complete or not there."""
 
 from __future__ import annotations
 
-import errno
-import os
-from collections.abc import Callable
+import io
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from limen.errors import InputError, StorageError
+from limen.data.partial import PartialFile, is_disk_full
+from limen.errors import InputError, LimenError, StorageError
 
-__all__ = ["JPEG_QUALITY", "write_atomically", "write_picture"]
+__all__ = ["JPEG_QUALITY", "write_bytes", "write_picture"]
 
 JPEG_QUALITY = 90
 
 
-def write_atomically(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path:
-    """Call ``write`` with a file beside ``path``, then put it in its place.
+def write_bytes(path: str | Path, content: bytes) -> Path:
+    """Write a file in a folder that is made if need be; returns the path.
 
     Raises
     ------
@@ -29,17 +27,15 @@ def write_atomically(path: str | Path, write: Callable[[IO[bytes]], object]) -> 
         If the disk refuses; the message names the file and what to do. Nothing is left behind.
     """
     path = Path(path)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
-            write(file)
-        partial.replace(path)
+        with PartialFile(path) as file:
+            file.write(content)
+    except LimenError:
+        raise
     except OSError as error:
-        cure = "free some space" if error.errno == errno.ENOSPC else "choose another place"
+        cure = "free some space" if is_disk_full(error) else "choose another place"
         raise StorageError(f"{path}: cannot be written: {error.strerror or error}; {cure}") from error
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 
@@ -51,18 +47,18 @@ def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
     InputError
         If the name ends in anything else.
     StorageError
-        As in `write_atomically`.
+        As in `write_bytes`.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix in (".jpg", ".jpeg"):
-        space = "RGBA" if picture.shape[2] == 4 else "RGB"
-        data = simplejpeg.encode_jpeg(
-            np.ascontiguousarray(picture), quality=JPEG_QUALITY, colorspace=space, colorsubsampling="444"
-        )
-        return write_atomically(path, lambda file: file.write(data))
-    if suffix == ".png":
-        return write_atomically(
-            path, lambda file: Picture.fromarray(picture).save(file, format="PNG", compress_level=3)
-        )
-    raise InputError(f"{path}: a picture's name must end in .png or .jpg")
+    picture = np.ascontiguousarray(picture)
+    match path.suffix.lower():
+        case ".jpg" | ".jpeg":
+            space = "RGBA" if picture.shape[2] == 4 else "RGB"
+            content = simplejpeg.encode_jpeg(picture, quality=JPEG_QUALITY, colorspace=space, colorsubsampling="444")
+        case ".png":
+            file = io.BytesIO()
+            Picture.fromarray(picture).save(file, format="PNG", compress_level=3)
+            content = file.getvalue()
+        case _:
+            raise InputError(f"{path}: a picture's name must end in .png or .jpg")
+    return write_bytes(path, content)

@@ -31,6 +31,9 @@ _UNLIT = (52, 64, 82)
 _EDGE = (16, 18, 22)
 _GHOST = (120, 128, 140)
 _PERSON = (255, 176, 46)
+_HEAD = (255, 214, 150)
+_WEDGE = (112, 86, 40)
+_PATH = (150, 112, 48)
 _TEXT = (214, 218, 224)
 _SUPERSAMPLE = 2
 
@@ -97,7 +100,7 @@ def draw_room(
     _draw_floor(ImageDraw.Draw(canvas), display, camera, large, people)
     if path_m is not None and len(path_m) > 1:
         floor = np.asarray(path_m, dtype=float) * [1, 0, 1]
-        _line(ImageDraw.Draw(canvas), camera, large, floor, _PERSON, 2 * _SUPERSAMPLE)
+        _line(ImageDraw.Draw(canvas), camera, large, floor, _PATH, _SUPERSAMPLE)
     eye = np.array(camera.eye_m)
     facing = [panel for panel in display.panels if np.dot(eye - panel.centre_m, panel.normal) > 0]
     canvas = Picture.fromarray(_draw_lit(np.asarray(canvas).copy(), facing, pictures or {}, camera, large))
@@ -129,7 +132,9 @@ def draw_surface(display: Display, pictures: Mapping[str, Rgb], width_px: int = 
             (value - edge) * density for value, edge in zip(panel.surface_m, (surface.left, surface.top), strict=True)
         )
         x1, y1 = x0 + panel.size_m[0] * density, y0 + panel.size_m[1] * density
-        box = (round(x0), round(y0), max(round(x0) + 1, round(x1)), max(round(y0) + 1, round(y1)))
+        # The edges of neighbours differ in the last bit, so they must not be rounded where that decides.
+        left, top, right, bottom = (math.floor(edge + 0.5 + 1e-6) for edge in (x0, y0, x1, y1))
+        box = (left, top, max(left + 1, right), max(top + 1, bottom))
         size = (box[2] - box[0], box[3] - box[1])
         if panel.name in pictures:
             tile = Picture.fromarray(np.ascontiguousarray(pictures[panel.name][..., :3]))
@@ -285,37 +290,41 @@ def _draw_ghost(
 
 
 def _draw_person(drawing: ImageDraw.ImageDraw, viewer: Viewer, camera: Camera, size_px: tuple[int, int]) -> None:
-    """A figure as tall as the eyes are high, and a line along the head's direction."""
+    """A figure as tall as the eyes are high, with a wedge on the floor that shows where the head points."""
     head = np.array(viewer.position_m)
     feet = head * [1, 0, 1]
-    (foot, chin, top), depth = camera.project(np.array([feet, head - [0, 0.16, 0], head]), size_px)
+    (foot, top), depth = camera.project(np.array([feet, head]), size_px)
     if depth.min() <= 0.05:
         return
-    scale = size_px[1] / 2 / math.tan(camera.half_fov_rad) / depth[2]
-    shoulder, hip, radius = 0.23 * scale, 0.14 * scale, 0.13 * scale
-    drawing.ellipse(
-        [foot[0] - 0.3 * scale, foot[1] - 0.1 * scale, foot[0] + 0.3 * scale, foot[1] + 0.1 * scale], fill=(20, 21, 24)
-    )
-    neck = chin[1] + 0.08 * scale
-    body = [
-        (chin[0] - shoulder, neck + 0.06 * scale),
-        (chin[0] + shoulder, neck + 0.06 * scale),
-        (foot[0] + hip, foot[1]),
-        (foot[0] - hip, foot[1]),
-    ]
-    drawing.polygon(body, fill=_PERSON)
-    drawing.ellipse([chin[0] - shoulder, neck - 0.04 * scale, chin[0] + shoulder, neck + 0.2 * scale], fill=_PERSON)
-    drawing.ellipse(
-        [top[0] - radius, top[1] - 1.2 * radius, top[0] + radius, top[1] + 1.2 * radius], fill=(255, 214, 150)
-    )
-    _line(
-        drawing,
-        camera,
-        size_px,
-        np.stack([head, head + 0.7 * np.array(viewer.direction)]),
-        (255, 236, 200),
-        2 * _SUPERSAMPLE,
-    )
+    _draw_wedge(drawing, viewer, feet, camera, size_px)
+    tall = foot[1] - top[1]  # eyes to floor in the picture; proportions of a standing adult
+    if tall < 4:
+        return
+
+    def at(across: float, up: float) -> tuple[float, float]:
+        return (foot[0] + (top[0] - foot[0]) * up + across * tall, foot[1] - up * tall)
+
+    shadow = 0.17 * tall
+    drawing.ellipse([foot[0] - shadow, foot[1] - shadow / 3, foot[0] + shadow, foot[1] + shadow / 3], fill=(20, 21, 24))
+    for side in (-1, 1):
+        drawing.polygon(
+            [at(side * 0.02, 0.5), at(side * 0.1, 0.5), at(side * 0.085, 0.0), at(side * 0.02, 0.0)], fill=_PERSON
+        )
+        drawing.line([at(side * 0.125, 0.83), at(side * 0.155, 0.47)], fill=_PERSON, width=max(1, round(0.055 * tall)))
+    drawing.polygon([at(-0.13, 0.84), at(0.13, 0.84), at(0.1, 0.48), at(-0.1, 0.48)], fill=_PERSON)
+    drawing.rectangle([*at(-0.028, 0.93), *at(0.028, 0.84)], fill=_PERSON)
+    drawing.ellipse([*at(-0.062, 1.075), *at(0.062, 0.905)], fill=_HEAD)
+
+
+def _draw_wedge(
+    drawing: ImageDraw.ImageDraw, viewer: Viewer, feet: Floats, camera: Camera, size_px: tuple[int, int]
+) -> None:
+    yaw = math.atan2(viewer.direction[0], viewer.direction[2])
+    turns = np.radians(np.linspace(-15, 15, 7)) + yaw
+    rim = feet + 1.1 * np.stack([np.sin(turns), np.zeros_like(turns), np.cos(turns)], axis=1)
+    place, depth = camera.project(np.concatenate([feet[None], rim]), size_px)
+    if depth.min() > 0.05:
+        drawing.polygon([tuple(point) for point in place], fill=_WEDGE)
 
 
 def _label(

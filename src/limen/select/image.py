@@ -22,7 +22,17 @@ from limen.select import kernels
 from limen.select.cut import Cut
 from limen.tolerance import Tolerance
 
-__all__ = ["View", "levels_at", "select", "select_flat", "select_on_shape", "shape_kind", "view_of"]
+__all__ = [
+    "Pairs",
+    "View",
+    "flat_pairs",
+    "levels_at",
+    "select",
+    "select_flat",
+    "select_on_shape",
+    "shape_kind",
+    "view_of",
+]
 
 _NONE = np.empty(0, dtype=np.int64)
 _KINDS = ("plane", "cylinder", "ellipsoid")
@@ -84,8 +94,16 @@ def _select_at(view: View, tolerance: Tolerance, bias: int, eye_m: tuple[float, 
     return select_on_shape(view, tolerance, bias, eye_m)
 
 
-def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
-    """`select` for images on the surface: pairs of panel and page by interval tests on rings of distance."""
+class Pairs(NamedTuple):
+    """Which page is needed on which panel, shape (M,) each, in no order that matters."""
+
+    panel: NDArray[np.int64]
+    page: NDArray[np.int64]
+    area_px: NDArray[np.float64]
+
+
+def flat_pairs(view: View, tolerance: Tolerance, bias: int = 0) -> Pairs:
+    """What `select_flat` chooses from, before pages that several panels share are put together."""
     assert view.maps is not None
     arrays, maps = view.display.arrays, view.maps
     pages_of = _level_arrays(view.pyramid)
@@ -98,12 +116,17 @@ def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
             *pages_of, np.array(view.pyramid.size_px, dtype=np.int64), bias, panel, page, area,
         )  # fmt: skip
         if count <= room:
-            break
+            return Pairs(panel[:count], page[:count], area[:count])
         room = count
-    panel, page, area = panel[:count], page[:count], area[:count]
+
+
+def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
+    """`select` for images on the surface: pairs of panel and page by interval tests on rings of distance."""
+    panel, page, area = flat_pairs(view, tolerance, bias)
+    assert view.maps is not None
     pages, inverse = np.unique(page, return_inverse=True)
     importance = np.bincount(inverse, weights=area, minlength=len(pages)).astype(np.float64)
-    return _cut(view.pyramid, pages, importance, panel, page, float(np.abs(maps.scale).max(axis=1).min()))
+    return _cut(view.pyramid, pages, importance, panel, page, float(np.abs(view.maps.scale).max(axis=1).min()))
 
 
 def select_on_shape(

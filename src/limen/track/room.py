@@ -58,7 +58,7 @@ class Room:
     around
         The display is looked at from outside, by people who walk around it.
     top_m
-        Height of the display's upper edge; a person's eyes are not imagined above it.
+        Eyes are not imagined above this: the walls' upper edge, or 0.3 m above the highest table top.
     """
 
     low: tuple[float, float]
@@ -196,7 +196,7 @@ def room_of(display: Display) -> Room:
     rows = _rows(display)
     footprint = np.concatenate([panel.corners_m[:, [0, 2]] for panel in display.panels])
     low, high = footprint.min(axis=0), footprint.max(axis=0)
-    top_m = float(display.bounds_m[1, 1])
+    top_m = _top_m(display)
     facing = (rows.facing * rows.length_m[:, None]).sum(axis=0)
     open_side = not len(rows.start) or np.linalg.norm(facing) > 0.2 * rows.length_m.sum()
     low, high = (low - 0.5, high + 0.5) if open_side else (low, high)
@@ -212,6 +212,12 @@ def room_of(display: Display) -> Room:
     if _area_m2(around) < 0.5:
         raise DisplayError(f"display '{display.name}': there is no floor to stand on in front of its panels")
     return around
+
+
+def _top_m(display: Display) -> float:
+    walls = [float(panel.corners_m[:, 1].max()) for panel in display.panels if abs(panel.normal[1]) <= _STEEP]
+    tables = [float(panel.centre_m[1]) + 0.3 for panel in display.panels if panel.normal[1] > _STEEP]
+    return max(walls + tables) if walls else math.inf
 
 
 def _room(low: Floats, high: Floats, rows: Rows, around: bool, top_m: float) -> Room:

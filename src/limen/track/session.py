@@ -238,7 +238,7 @@ def find_fault(
     checks: list[tuple[NDArray[np.bool_], str, str]] = [
         (~np.isfinite(time_s), "time_s", "is not a finite number; drop the sample"),
         (
-            np.diff(time_s, prepend=-np.inf) <= 0,
+            _falls(time_s),
             "time_s",
             "does not grow; sort the viewer's samples by time and drop repeats",
         ),

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from limen.display.display import Display
     from limen.geometry import Floats
 
-__all__ = ["SESSIONS", "SPEED_M_PER_S", "Heat", "heat_map", "hotspots", "make_walk", "session_named"]
+__all__ = ["SESSIONS", "SPEED_M_PER_S", "Heat", "Plan", "heat_map", "hotspots", "make_walk", "plan_of", "session_named"]
 
 SPEED_M_PER_S = mph_to_m_per_s(2.8)
 SESSIONS = {"A": (145.0, 1), "B": (216.0, 2), "C": (175.0, 3)}
@@ -48,6 +48,14 @@ class Heat(NamedTuple):
 
     room: Room
     visits: NDArray[np.int64]  # (rows, columns)
+
+
+class Plan(NamedTuple):
+    """The way of one viewer."""
+
+    corners_m: Floats  # (C, 2): x and z, walked straight from one to the next
+    stops: NDArray[np.int64]  # (S,): which corners are hotspots
+    eye_height_m: float
 
 
 def make_walk(
@@ -88,8 +96,10 @@ def make_walk(
         raise InputError(f"viewers must be from 1 to 64, got {viewers}")
     heat = heat_map(display, seed)
     time_s = np.arange(max(1, round(seconds * rate_hz))) / rate_hz
-    walkers = (np.random.default_rng([seed, 1, number]) for number in range(viewers))
-    tracks = (_track(heat, time_s, rng, f"v{number}") for number, rng in enumerate(walkers, 1))
+    length_m = SPEED_M_PER_S * float(time_s[-1])
+    tracks = (
+        _track(heat.room, plan_of(heat, seed, number, length_m), time_s, f"v{number + 1}") for number in range(viewers)
+    )
     return Session(name, display.name, float(rate_hz), tuple(tracks))
 
 
@@ -181,14 +191,21 @@ def _spread_out(samples: Floats, count: int, rng: np.random.Generator) -> list[i
     return chosen
 
 
-def _track(heat: Heat, time_s: Floats, rng: np.random.Generator, viewer: str) -> Track:
+def plan_of(heat: Heat, seed: int, number: int, length_m: float) -> Plan:
+    """The way of a session's viewer (0 is the first) over at least ``length_m``."""
+    rng = np.random.default_rng([seed, 1, number])
     eye_height = min(EYE_HEIGHT_M + float(rng.normal(0, 0.06)), heat.room.top_m)
-    corners, stops = _path(heat, rng, SPEED_M_PER_S * float(time_s[-1]))
-    walked = np.append(0.0, np.linalg.norm(np.diff(corners, axis=0), axis=1).cumsum())
+    corners, stops = _path(heat, rng, length_m)
+    return Plan(corners, np.array(stops), eye_height)
+
+
+def _track(room: Room, plan: Plan, time_s: Floats, viewer: str) -> Track:
+    walked = np.append(0.0, np.linalg.norm(np.diff(plan.corners_m, axis=0), axis=1).cumsum())
     at = SPEED_M_PER_S * time_s
-    place = np.stack([np.interp(at, walked, axis) for axis in corners.T], axis=1)
-    yaw = _head_yaw(heat.room, place, at, walked[stops], float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0)
-    height = np.full(len(at), eye_height)
+    place = np.stack([np.interp(at, walked, axis) for axis in plan.corners_m.T], axis=1)
+    step_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0
+    yaw = _head_yaw(room, place, at, walked[plan.stops], step_s)
+    height = np.full(len(at), plan.eye_height_m)
     # To the micrometre and the microsecond, so that a file holds the very same session.
     return Track(
         viewer,

@@ -1,0 +1,224 @@
+"""The benchmark tables of the documentation: medians, and ratios to a peer or a plain way in the same run."""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pyvips
+from numpy.typing import NDArray
+
+from limen.data import ingest, sample_image
+from limen.data.image import Image, open_image
+from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.display.display import Display
+from limen.draw.feedback import Feedback
+from limen.draw.image import Sampling
+from limen.frame import LOOKAHEAD_S, Renderer, select_ahead
+from limen.gpu.device import Device, open_device
+from limen.placement import OnSurface, one_to_one_size_px
+from limen.select.image import View, select, view_of
+from limen.stream import Stream
+from limen.tolerance import Policy, tolerance_of
+from limen.track.stand import standing_viewer
+from limen.track.walk import session_named
+from limen.viewer import Viewer
+
+__all__ = ["BENCHES", "Measured", "Walk", "bench_image", "measure_walk", "one_to_one_room", "walk_viewers"]
+
+Say = Callable[[str], None]
+_KINDS: tuple[Sampling, ...] = ("sharp", "fast")
+
+
+class Measured(msgspec.Struct, frozen=True):
+    """One row of a benchmark's table."""
+
+    what: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Blank:
+    """Pages of a virtual image that cost nothing to read, so that only our own work is timed."""
+
+    pyramid: Pyramid
+    page = np.zeros((PAGE + 2 * GUTTER, PAGE + 2 * GUTTER, 4), dtype=np.uint8)
+
+    def read_page(self, _page: int) -> NDArray[np.uint8]:
+        return self.page
+
+
+def one_to_one_room() -> View:
+    """All 416 panels of the Reality Deck, a texel on every pixel."""
+    deck = Display.preset("reality-deck")
+    return view_of(deck, Pyramid.of(one_to_one_size_px(deck)), OnSurface("one-to-one"))
+
+
+def walk_viewers(seconds: float, rate_hz: float = 60.0) -> Iterator[tuple[Viewer, ...]]:
+    """The visitor of session A, frame by frame."""
+    session = session_named("A", Display.preset("reality-deck"))
+    for frame in session.frames(rate_hz):
+        if frame.time_s - session.start_s > seconds:
+            return
+        yield frame.viewers
+
+
+def bench_image(quick: bool, say: Say) -> list[Measured]:
+    """Rows of ``limen bench image``."""
+    rows: list[Measured] = []
+    for part in (_frames, _reading, _drawing) if quick else (_frames, _reading, _drawing, _ingest):
+        say(part.__doc__ or "")
+        rows += part(quick)
+    return rows
+
+
+BENCHES: dict[str, Callable[[bool, Say], list[Measured]]] = {"image": bench_image}
+
+
+def _frames(quick: bool) -> list[Measured]:
+    """frames of a walk through 416 panels at 60 Hz, cache kept"""
+    view = one_to_one_room()
+    rows = []
+    for policy in (Policy("acuity", 1.0), Policy()):
+        for ahead_s in (0.0, LOOKAHEAD_S):
+            walk = measure_walk(view, policy, 12 if quick else 145, ahead_s)
+            both = [a + b for a, b in zip(walk.select_ms, walk.stream_ms, strict=True)]
+            name = f"acuity {policy.acuity_arcmin:g}'" + (f", {ahead_s:g} s ahead" if ahead_s else "")
+            rows += [
+                Measured(f"{name}: pages wanted, mean", float(np.mean(walk.wanted)), "pages/frame"),
+                Measured(f"{name}: uploads needed at once, mean", float(np.mean(walk.needed)), "pages/frame"),
+                Measured(f"{name}: uploads needed at once, 99th percentile", _percentile(walk.needed), "pages/frame"),
+                Measured(f"{name}: frames that need at most 64", float(np.mean(np.array(walk.needed) <= 64)), "share"),
+                Measured(f"{name}: select, median", statistics.median(walk.select_ms), "ms"),
+                Measured(f"{name}: stream, median", statistics.median(walk.stream_ms), "ms"),
+                Measured(f"{name}: select + stream, median", statistics.median(both), "ms"),
+                Measured(f"{name}: select + stream, 99th percentile", _percentile(both), "ms"),
+            ]
+    return rows
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A walk's frames after the first second, one entry a frame."""
+
+    select_ms: list[float]
+    stream_ms: list[float]
+    needed: list[int]
+    wanted: list[int]
+
+
+def measure_walk(view: View, policy: Policy, seconds: float, ahead_s: float) -> Walk:
+    """Select and stream every frame with 64 uploads each, decoding (of blank pages) always done in time."""
+    walk = Walk([], [], [], [])
+    earlier: tuple[Viewer, ...] = ()
+    with Stream(Blank(view.pyramid), slots=16_384, cpu_pages=16_384, uploads_per_frame=64) as stream:
+        for number, viewers in enumerate(walk_viewers(seconds)):
+            begin = time.perf_counter()
+            cut = select(view, tolerance_of(viewers, policy))
+            soon = select_ahead(view, policy, viewers, earlier, ahead_s)
+            middle = time.perf_counter()
+            update = stream.update(cut.pages, soon=soon)
+            stream.drawable(cut.pair_page)
+            end = time.perf_counter()
+            earlier = viewers
+            while not stream.idle:
+                stream.wait(0.01)
+            if number == 0:  # start with what the first place needs, as after standing there
+                while not stream.settled:
+                    stream.update(cut.pages, uploads=len(cut))
+                    stream.wait()
+            elif number >= 60:
+                walk.select_ms.append((middle - begin) * 1e3)
+                walk.stream_ms.append((end - middle) * 1e3)
+                walk.needed.append(update.statistics.needed)
+                walk.wanted.append(len(cut))
+    return walk
+
+
+def _percentile(values: list[float] | list[int]) -> float:
+    return float(np.percentile(values, 99))
+
+
+def _reading(quick: bool) -> list[Measured]:
+    """pages read from a JPEG pyramid, beside pyvips"""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sample.tif"
+        sample_image(path, 0.02 if quick else 0.1)
+        ours, theirs = [], []
+        with open_image(path) as image:
+            base = image.pyramid.levels[0]
+            order = np.random.default_rng(0).permutation(base.columns * base.rows)[: 60 if quick else 400]
+            peer = pyvips.Image.new_from_file(str(path), access="random")
+            region = pyvips.Region.new(peer)
+            for page in order.tolist():
+                column, row = page % base.columns, page // base.columns
+                ours.append(_timed(lambda: image.read_page((0, column, row), 0)))  # noqa: B023 - called at once
+                x, y = column * PAGE, row * PAGE
+                width, height = min(PAGE, image.size_px[0] - x), min(PAGE, image.size_px[1] - y)
+                theirs.append(_timed(lambda: region.fetch(x, y, width, height)))  # noqa: B023
+        return [
+            Measured("page read, limen, median", statistics.median(ours), "ms"),
+            Measured("page read, pyvips, median", statistics.median(theirs), "ms"),
+            Measured("page read, pyvips / limen", statistics.median(theirs) / statistics.median(ours), "ratio"),
+        ]
+
+
+def _drawing(quick: bool) -> list[Measured]:
+    """panels drawn, every page resident"""
+    device = open_device()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "sample.tif"
+            sample_image(path, 0.02 if quick else 0.06)
+            with open_image(path) as image:
+                return [
+                    row for sampling in ("sharp", "fast") for row in _draw(device, image, sampling, 3 if quick else 9)
+                ]
+    finally:
+        device.destroy()
+
+
+def _draw(device: Device, image: Image, kind: Sampling, repeats: int) -> list[Measured]:
+    display = Display.preset("desktop")
+    viewer = standing_viewer(display)
+    rows = []
+    with Renderer(device, display, image, OnSurface("cover"), sampling=kind) as renderer:
+        for policy in (Policy("full"), Policy()):
+            next(iter(renderer.pictures([viewer], policy)))
+            drawn = [_timed(lambda: next(iter(renderer.pictures([viewer], policy)))) for _ in range(repeats)]  # noqa: B023
+            rows.append(
+                Measured(f"2560 x 1440 panel, {kind}, {policy.name}: draw + read", statistics.median(drawn), "ms")
+            )
+        if kind == "sharp":
+            feedback = Feedback(device, renderer.view)
+            tolerance = tolerance_of([viewer], Policy())
+            passes = [_timed(lambda: (feedback.run(tolerance), feedback.read())) for _ in range(repeats)]
+            rows.append(Measured("feedback pass of a panel at 1/8, with read back", statistics.median(passes), "ms"))
+            feedback.destroy()
+    return rows
+
+
+def _ingest(_quick: bool) -> list[Measured]:
+    """ingest of 0.25 gigapixels"""
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "source.tif", Path(folder) / "target.tif"
+        sample = sample_image(source, 0.25, aspect=1.6)
+        report = ingest(source, target)
+        return [
+            Measured("sample image", sample.seconds / 0.25, "s/gigapixel"),
+            Measured("ingest", report.seconds / 0.25, "s/gigapixel"),
+            Measured("ingest, most anonymous memory", report.peak_rss_mib, "MiB"),
+        ]
+
+
+def _timed(call: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    call()
+    return (time.perf_counter() - begin) * 1e3

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import pyvips
+
+from limen.cli.app import main
+
+
+def run(capsys, *words):
+    try:
+        main([str(word) for word in words])
+        code = 0
+    except SystemExit as ended:
+        code = ended.code
+    text = capsys.readouterr()
+    return code or 0, text.out, text.err
+
+
+@pytest.fixture
+def picture(tmp_path):
+    path = tmp_path / "a.png"
+    pyvips.Image.new_from_array(np.zeros((500, 600, 3), np.uint8)).pngsave(str(path))
+    return path
+
+
+def test_info_ingest_and_sample_speak_json(capsys, tmp_path, picture):
+    code, out, _ = run(capsys, "ingest", picture, tmp_path / "a.tif", "--json")
+    report = json.loads(out)
+    assert code == 0
+    assert {"path", "seconds", "peak_rss_mib", "pixels", "bytes"} <= report.keys()
+    code, out, _ = run(capsys, "info", tmp_path / "a.tif", "--json")
+    found = json.loads(out)
+    assert (found["kind"], found["size"], found["levels"][-1]) == ("image", [600, 500], [150, 125])
+    code, out, _ = run(capsys, "sample", "image", tmp_path / "s.tif", "--size", 400, "--aspect", 2, "--json")
+    assert json.loads(out)["size"] == [400, 200]
+
+
+def test_info_speaks_to_people(capsys, picture):
+    code, out, _ = run(capsys, "info", picture)
+    assert code == 0
+    assert "600 x 500 texels" in out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("info", "nowhere.tif"),
+        ("ingest", "nowhere.tif", "b.tif"),
+        ("sample", "terrain", "out.tif"),
+        ("sample", "cheese", "out.tif"),
+        ("sample", "image", "out.tif", "--size", "9", "--gigapixels", "1"),
+        ("sample", "image", "nowhere/out.tif", "--size", "9"),
+    ],
+)
+def test_wrong_input_is_one_line_and_code_2(capsys, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(capsys, *words)
+    assert (code, out) == (2, "")
+    assert err.startswith("limen: ")
+    assert err.count("\n") == 1
