@@ -67,7 +67,8 @@ def test_a_broken_page_is_shown_by_its_coarser_level(
     assert "is broken" in caplog.text
     good = studio.draw(whole, display, PLACEMENTS[kind], _FULL, eye_m=_EYE)["window"]
     seen = studio.draw(memory_image(texels, (worst,)), display, PLACEMENTS[kind], _FULL, eye_m=_EYE)["window"]
-    assert (good[coarser == 0] == seen[coarser == 0]).all()
+    # Where a page lies in the pool decides the last bit of a bilinear sample's place.
+    assert np.abs(good[coarser == 0].astype(int) - seen[coarser == 0]).max() <= 1
 
 
 def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: Any, texels: Any) -> None:
@@ -86,7 +87,7 @@ def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: 
 def test_the_overlay_tints_by_level(studio: Any, memory_image: Any) -> None:
     grey = memory_image(np.full((2100, 3300, 3), 128, np.uint8))
     hues = level_colours(12)
-    assert hues[0].tolist() == [1, 0, 0]
+    assert hues[0, 0] > hues[0, 1] == hues[0, 2]  # red
     assert (hues[8:] == hues[8]).all()
     for size_px, level in (((3000, 2000), 0), ((1600, 1000), 1), ((700, 500), 2)):
         tinted = studio.draw(grey, Display.window(size_px), OnSurface(), _FULL, overlay="levels")["window"]
@@ -134,7 +135,8 @@ def test_drawing_to_a_windows_texture_is_drawing_to_the_quilts(
         assert layer.draw(cut, drawable, _FULL, quilt, target=target, target_format=texture_format) is None
     drawn = layer.read(texture)
     order = [2, 1, 0, 3] if texture_format.startswith("bgra") else [0, 1, 2, 3]
-    assert (pieces(display, quilt, drawn)["window"][..., order] == expected).all()
+    shown = pieces(display, quilt, drawn)["window"][..., order].astype(int)
+    assert np.abs(shown - expected).max() <= 1
     layer.destroy()
     texture.destroy()
 

@@ -89,13 +89,14 @@ LEVEL = np.dtype([("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("
 _NO_PAGE = 0xFFFF_FFFF
 _RAINBOW_LEVELS = 8
 _VIOLET_HUE = 0.78
+_SATURATION = 0.78
 _OVERLAY_SHARE = 0.35
 
 
 def level_colours(count: int) -> NDArray[np.float64]:
     """sRGB colours (0 ... 1) of the overlay ``levels``: red is level 0, violet level 8 and above; shape (count, 3)."""
     hues = [min(level, _RAINBOW_LEVELS) / _RAINBOW_LEVELS * _VIOLET_HUE for level in range(count)]
-    return np.array([colorsys.hsv_to_rgb(hue, 0.78, 1.0) for hue in hues])
+    return np.array([colorsys.hsv_to_rgb(hue, _SATURATION, 1.0) for hue in hues])
 
 
 def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m: Vec3 | None, **fields: int) -> Rows:
