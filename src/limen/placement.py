@@ -75,7 +75,7 @@ class OnSurface:
             case "cover":
                 density = min(ratios)
             case _:
-                density = 1 / display.panels[0].pitch_m[0]
+                density = 1 / display.pitch_m
         return density / self.zoom
 
     def panel_maps(self, display: Display, size_px: tuple[int, int]) -> PanelMaps:
@@ -156,6 +156,6 @@ Placement: TypeAlias = OnSurface | OnShape
 
 def one_to_one_size_px(display: Display) -> tuple[int, int]:
     """Size of the image that covers a display's surface texel for pixel."""
-    pitch = display.panels[0].pitch_m[0]
+    pitch = display.pitch_m
     surface = display.surface
     return (max(1, round(surface.width / pitch)), max(1, round(surface.height / pitch)))

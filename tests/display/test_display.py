@@ -15,6 +15,7 @@ import limen
 from limen.display import files
 from limen.display.panel import Panel
 from limen.errors import DisplayError, FormatError, InputError, MissingFileError
+from limen.placement import OnSurface
 
 GRID = 'name = "x"\n[[grid]]\nname = "a"\nsize_px = [256, 128]\ncentre_m = [0, 1, -2]\n'
 
@@ -183,3 +184,18 @@ def test_panels_refuse_nonsense():
     }.items():  # fmt: skip
         with pytest.raises(DisplayError):
             Panel(**{**good, field: value})
+
+
+def test_a_preview_shows_the_same_part_of_an_image():
+    deck = limen.Display.preset("reality-deck")
+    small = deck.select(["front/*", "left/3,*"]).scaled(1 / 20)
+    assert small.surface == deck.surface
+    for fit in ("contain", "one-to-one"):
+        whole, preview = (OnSurface(fit).panel_maps(shown, (92_160, 7_200)) for shown in (deck.select("front/*"), small))
+        for maps, display in ((whole, deck.select("front/*")), (preview, small)):
+            index = [panel.name for panel in display.panels].index("front/3,5")
+            corners = [maps.scale[index] * at + maps.offset[index] for at in ([0, 0], display.panels[index].size_px)]
+            np.testing.assert_allclose(corners[0][0], whole.offset[5 * 16 + 3][0], atol=1e-6)
+            np.testing.assert_allclose(
+                corners[1] - corners[0], whole.scale[0] * deck.panels[0].size_px, rtol=1e-9
+            )

@@ -142,18 +142,20 @@ class Display:
             raise InputError(
                 f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'"
             )
-        return _Part(self.name, chosen, self.description, self.surface)
+        return self._part(chosen)
 
     def part(self, indices: Sequence[int]) -> Display:
         """Some of the panels, in the order given, on the same surface."""
-        return _Part(self.name, tuple(self.panels[index] for index in indices), self.description, self.surface)
+        return self._part(tuple(self.panels[index] for index in indices))
 
     def scaled(self, factor: float) -> Display:
         """The same panels with ``factor`` times as many pixels along each side: for previews of a whole room."""
         if not 0 < factor <= 1:
             raise InputError(f"a preview's scale must lie above 0 and at most at 1, got {factor}")
-        panels = tuple(_scaled(panel, factor) for panel in self.panels)
-        return _Part(self.name, panels, self.description, self.surface)
+        return self._part(tuple(_scaled(panel, factor) for panel in self.panels))
+
+    def _part(self, panels: tuple[Panel, ...]) -> Display:
+        return _Part(self.name, panels, self.description, self.surface, self.pitch_m)
 
     @cached_property
     def arrays(self) -> PanelArrays:
@@ -182,6 +184,11 @@ class Display:
         """Smallest and largest room coordinates of all panels, shape (2, 3)."""
         corners = np.concatenate([panel.corners_m for panel in self.panels])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    @property
+    def pitch_m(self) -> float:
+        """Distance between true pixels of the first panel, also in a preview of fewer pixels."""
+        return self.panels[0].pitch_m[0]
 
     @property
     def total_px(self) -> int:
@@ -220,9 +227,14 @@ _NOWHERE = Rect(0, 0, 0, 0)
 
 @dataclass(frozen=True)
 class _Part(Display):
-    """Some panels of a display: an image still lies on the whole display's surface."""
+    """Some panels of a display, or all with fewer pixels: an image still lies on the whole display's surface."""
 
     whole: Rect = _NOWHERE
+    true_pitch_m: float = 0.0
+
+    @property
+    def pitch_m(self) -> float:
+        return self.true_pitch_m
 
     @cached_property
     def surface(self) -> Rect:

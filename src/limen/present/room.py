@@ -105,14 +105,14 @@ def draw_room(
     facing = [panel for panel in display.panels if np.dot(eye - panel.centre_m, panel.normal) > 0]
     canvas = Picture.fromarray(_draw_lit(np.asarray(canvas).copy(), facing, pictures or {}, camera, large))
     drawing = ImageDraw.Draw(canvas)
-    for viewer in people:
-        _draw_person(drawing, viewer, camera, large)
     shown = {panel.name for panel in facing}
     for name, panels in display.grids().items():
         away = [panel for panel in panels if panel.name not in shown]
         if away:
             _draw_ghost(drawing, away, camera, large)
         _label(drawing, name, panels, camera, large)
+    for viewer in people:
+        _draw_person(drawing, viewer, camera, large)
     return np.asarray(canvas.resize(size_px, Picture.Resampling.LANCZOS))
 
 

@@ -226,7 +226,7 @@ class _Tour:
         full, drawn = pictures[0][0], pictures[1][0]
         resolved_px = distance_m * np.tan(arcmin_to_rad(self.policy.acuity_arcmin)) / panel.pitch_m[0]
         tolerance = tolerance_of(scene.moment.viewers, self.policy)
-        middle = np.array(panel.size_px) / 2
+        middle = np.array(pictures[0][1]) + np.array(_CROP_PX) / 2
         level = int(levels_at(self.view, tolerance, index, middle))
         seen = [_as_resolved(picture, float(resolved_px)) for picture in (full, drawn)]
         return Crop(panel.name, distance_m, level, float(resolved_px), full, drawn, seen[0], seen[1])

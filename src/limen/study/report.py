@@ -153,7 +153,7 @@ def _lead(story: Story, full: Row, human: Row) -> str:
         f"every place at the detail that she can resolve from there: {human.pages_mean:,.0f} pages a frame instead of "
         f"{full.pages_mean:,.0f}."
     )
-    texel_px = display.panels[0].pitch_m[0] * story.placement.texels_per_m(display, story.image.size_px)
+    texel_px = display.pitch_m * story.placement.texels_per_m(display, story.image.size_px)
     if texel_px < 0.95:
         text += (
             f" The image has fewer texels than the walls have pixels (one texel covers {1 / texel_px:.1f} pixels), so "
