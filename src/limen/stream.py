@@ -144,7 +144,7 @@ class Stream:
         begin = time.perf_counter()
         self._frame += 1
         room = len(self._page_in) - 1  # what the pool can hold beside the pinned page
-        missing = self._touch(wanted[:room])
+        missing = self._touch(self._without_failed(wanted)[:room])
         if self._slot_of[self._pinned] < 0:
             missing = np.concatenate([np.array([self._pinned]), missing[missing != self._pinned]])
         needed = len(missing)
@@ -237,6 +237,19 @@ class Stream:
         self.close()
 
     # ------------------------------------------------------------------ steps of an update
+
+    def _without_failed(self, wanted: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The wanted pages, those that cannot be read replaced by their nearest coarser page that can."""
+        if not self._failed:
+            return wanted
+        pages: dict[int, None] = {}  # keeps the order, most important first
+        for page in wanted.tolist():
+            level, column, row = self._pyramid.page_of(page)
+            while page in self._failed and level + 1 < len(self._pyramid.levels):
+                level, column, row = level + 1, column >> 1, row >> 1
+                page = self._pyramid.page_index(level, column, row)
+            pages[page] = None
+        return np.fromiter(pages, dtype=np.int64, count=len(pages))
 
     def _touch(self, pages: NDArray[np.int64]) -> NDArray[np.int64]:
         """Mark pages as used by this frame; returns those that are not resident, in their order."""

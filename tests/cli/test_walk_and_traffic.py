@@ -138,7 +138,7 @@ def test_traffic_of_an_image(short: Path, capsys: pytest.CaptureFixture[str], mo
         (("walk", "--display", "cave", "--seconds", "soon", "x.csv"), "soon"),
         (("walk", "--display", "cave", "--seconds", "1"), "OUT"),
         (("walk", "--display", "cave", "--seconds", "1", "x.csv", "--picture", "x.gif"), ".png or .svg"),
-        (("walk", "--display", "cave", "--seconds", "1", "nowhere/x.csv"), "cannot be written"),
+        (("walk", "--display", "cave", "--seconds", "1", "nowhere/x.csv"), "make it first"),
         (("traffic", "one-to-one", "--display", "cave", "--session", "D"), "no session is named 'D'"),
         (("traffic", "one-to-one", "--display", "cave", "--session", "none.csv"), "no such session file"),
         (("traffic", "one-to-one", "--display", "cave", "--policy", "best"), "no policy is named 'best'"),

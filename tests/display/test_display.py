@@ -18,6 +18,7 @@ from limen.errors import DisplayError, FormatError, InputError, MissingFileError
 from limen.placement import OnSurface
 
 GRID = 'name = "x"\n[[grid]]\nname = "a"\nsize_px = [256, 128]\ncentre_m = [0, 1, -2]\n'
+PANEL = "name = 'x'\n[[panel]]\nname = 'p'\nsize_px = [9, 9]\n"
 
 
 def load(tmp_path, text):
@@ -120,14 +121,10 @@ def test_a_wrong_field_is_named_with_its_line(tmp_path, text, line, words):
         (GRID + "diagonal_in = 27\npitch_mm = 1\n", "exactly one of"),
         (GRID + "diagonal_in = 27\nfacing = [0, 1, 0]\n", "parallel"),
         (GRID + "diagonal_in = 27\ncolumns = 3\nnodes = ['a', 'b']\n", "2 names for 3 columns"),
-        (GRID + "diagonal_in = 27\n" + GRID[len('name = "x"\n') :] + "diagonal_in = 27\n", "two panels are named 'a/0,0'"),
-        ("name = 'x'\n[[panel]]\nname = 'p'\nsize_px = [9, 9]\ncorners_m = [[0,0,0],[1,0,0],[1.5,-1,0]]\n", "not a rectangle"),
-        ("name = 'x'\n[[panel]]\nname = 'p'\nsize_px = [9, 9]\ncorners_m = [[0,0,0],[0,0,0],[0,-1,0]]\n", "in one place"),
-        (
-            "name = 'x'\n[[panel]]\nname = 'p'\nsize_px = [9, 9]\ncorners_m = [[0,0,0],[1,0,0],[1,-1,0]]\n"
-            "outline_px = [[0,0],[9,0],[2,2],[0,9]]\n",
-            "convex",
-        ),
+        (GRID + "diagonal_in = 27\n" + GRID[len('name = "x"\n') :] + "diagonal_in = 27\n", "are named 'a/0,0'"),
+        (PANEL + "corners_m = [[0,0,0],[1,0,0],[1.5,-1,0]]\n", "not a rectangle"),
+        (PANEL + "corners_m = [[0,0,0],[0,0,0],[0,-1,0]]\n", "in one place"),
+        (PANEL + "corners_m = [[0,0,0],[1,0,0],[1,-1,0]]\noutline_px = [[0,0],[9,0],[2,2],[0,9]]\n", "convex"),
     ],
 )  # fmt: skip
 def test_an_impossible_display_is_refused(tmp_path, text, words):
@@ -180,7 +177,8 @@ def test_panels_refuse_nonsense():
     }
     assert Panel(**good).normal == (0, 0, 1)
     for field, value in {
-        "name": "", "size_px": (0, 3), "origin_m": (0, math.nan, 0), "right": (0, 0, 0), "down": (1, 0, 0), "pitch_m": (0, 1),
+        "name": "", "size_px": (0, 3), "origin_m": (0, math.nan, 0), "right": (0, 0, 0), "down": (1, 0, 0),
+        "pitch_m": (0, 1),
     }.items():  # fmt: skip
         with pytest.raises(DisplayError):
             Panel(**{**good, field: value})
@@ -191,11 +189,11 @@ def test_a_preview_shows_the_same_part_of_an_image():
     small = deck.select(["front/*", "left/3,*"]).scaled(1 / 20)
     assert small.surface == deck.surface
     for fit in ("contain", "one-to-one"):
-        whole, preview = (OnSurface(fit).panel_maps(shown, (92_160, 7_200)) for shown in (deck.select("front/*"), small))
+        whole, preview = (
+            OnSurface(fit).panel_maps(shown, (92_160, 7_200)) for shown in (deck.select("front/*"), small)
+        )
         for maps, display in ((whole, deck.select("front/*")), (preview, small)):
             index = [panel.name for panel in display.panels].index("front/3,5")
             corners = [maps.scale[index] * at + maps.offset[index] for at in ([0, 0], display.panels[index].size_px)]
             np.testing.assert_allclose(corners[0][0], whole.offset[5 * 16 + 3][0], atol=1e-6)
-            np.testing.assert_allclose(
-                corners[1] - corners[0], whole.scale[0] * deck.panels[0].size_px, rtol=1e-9
-            )
+            np.testing.assert_allclose(corners[1] - corners[0], whole.scale[0] * deck.panels[0].size_px, rtol=1e-9)

@@ -82,8 +82,9 @@ positions = st.tuples(st.floats(-1, 1), st.floats(0.5, 2.5), st.floats(-1.9, 4))
 
 @settings(deadline=None, max_examples=40)
 @given(
-    st.lists(positions, min_size=0, max_size=3), st.floats(0.3, 60), st.sampled_from(["contain", "cover", "one-to-one"]),
-    st.floats(0.05, 8), st.integers(200, 60_000), st.integers(200, 20_000),
+    st.lists(positions, min_size=0, max_size=3), st.floats(0.3, 60),
+    st.sampled_from(["contain", "cover", "one-to-one"]), st.floats(0.05, 8),
+    st.integers(200, 60_000), st.integers(200, 20_000),
 )  # fmt: skip
 def test_flat_selection_is_what_the_pixels_need(people, acuity, fit, zoom, width, height):
     display = small_room()

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from limen.display.display import Display
-from limen.errors import InputError, StorageError
+from limen.errors import InputError, MissingFileError
 from limen.study.plots import traffic_picture, traffic_plot, walk_picture
 from limen.study.traffic import Report, count_traffic, one_to_one_view, policies_of
 from limen.track.walk import heat_map, make_walk, plan_of
@@ -38,7 +38,7 @@ def test_a_picture_of_either_kind(report: Report, tmp_path: Path):
 def test_names_that_cannot_be(report: Report, tmp_path: Path):
     with pytest.raises(InputError, match=r"\.png or \.svg"):
         traffic_plot(report, tmp_path / "t.jpg")
-    with pytest.raises(StorageError):
+    with pytest.raises(MissingFileError, match="make it first"):
         traffic_plot(report, tmp_path / "nowhere" / "t.png")
 
 

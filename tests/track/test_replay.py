@@ -144,7 +144,7 @@ def test_files_that_are_no_text(tmp_path: Path):
 
 def test_a_file_is_there_whole_or_not_at_all(tmp_path: Path):
     session = Session("s", "d", 1.0, (Track("v", np.zeros(1), np.zeros((1, 3)), np.ones((1, 3))),))
-    with pytest.raises(StorageError, match="cannot be written"):
+    with pytest.raises(MissingFileError, match="make it first"):
         write_session(tmp_path / "nowhere" / "s.csv", session)
     (tmp_path / "folder").mkdir()
     with pytest.raises(StorageError):

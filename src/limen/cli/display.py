@@ -9,9 +9,10 @@ import msgspec
 from cyclopts import Parameter
 
 from limen.cli.output import DEFAULT, Common, Output
+from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.present.file import write_bytes, write_picture
+from limen.present.file import write_picture
 from limen.present.room import draw_room
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, optimal_distance_m
 

@@ -125,7 +125,7 @@ def print_traffic(out: Output, report: Report) -> None:
         )
     out.line(
         f"A page is 256 x 256 texels, {summary.page_bytes / 1000:.3g} kB; nothing is kept from frame to frame"
-        + (", and every node fetches for itself" if summary.per_node else "")
+        + (",\nand every node fetches for itself" if summary.per_node else "")
         + "; MB/s at 30 frames/s;\nx floor: texels moved over what eyes of that acuity resolve."
     )
 

@@ -9,13 +9,35 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
-from limen.errors import MissingFileError, StorageError
+from limen.errors import LimenError, MissingFileError, StorageError
 
-__all__ = ["PartialFile", "is_disk_full"]
+__all__ = ["PartialFile", "is_disk_full", "write_bytes"]
 
 
 def is_disk_full(error: OSError) -> bool:
     return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def write_bytes(path: str | Path, content: bytes) -> Path:
+    """Write a whole file or nothing; returns the path.
+
+    Raises
+    ------
+    MissingFileError
+        If the folder does not exist.
+    StorageError
+        If the disk refuses; the message names the file and what to do.
+    """
+    path = Path(path)
+    try:
+        with PartialFile(path) as file:
+            file.write(content)
+    except LimenError:
+        raise
+    except OSError as error:
+        cure = "free some space" if is_disk_full(error) else "choose another place"
+        raise StorageError(f"{path}: cannot be written: {error.strerror or error}; {cure}") from error
+    return path
 
 
 class PartialFile:

@@ -171,6 +171,13 @@ class Display:
         )
 
     @cached_property
+    def nudged_origin_m(self) -> Floats:
+        """Where each panel's corner would be if the panel hung where its picture is nudged to, shape (P, 3)."""
+        arrays = self.arrays
+        step = arrays.nudge_px * arrays.pitch_m
+        return arrays.origin_m - arrays.right * step[:, :1] - arrays.down * step[:, 1:]
+
+    @cached_property
     def surface(self) -> Rect:
         """The bounding rectangle of all panels on the unrolled surface."""
         arrays = self.arrays

@@ -16,6 +16,7 @@ const PAGE: f32 = 256.0;
 const GUTTER: f32 = 4.0;
 const SIDE: f32 = 264.0;
 const PI: f32 = 3.14159265358979;
+const ALMOST_ONE = 0.99999994;
 const NO_PAGE: u32 = 0xffffffffu;
 
 struct Frame {
@@ -216,10 +217,14 @@ fn round_place(ray: vec3<f32>, right: vec3<f32>, down: vec3<f32>) -> Place {
         t = (-b + root) / a;
     }
     let hit = eye + t * ray;
-    let u = 0.5 + exact_atan2(hit.x, hit.z) / frame.turn;
+    var u = 0.5 + exact_atan2(hit.x, hit.z) / frame.turn;
     var v = 0.5 + 0.5 * hit.y;
+    // A closed shape has no edge: what lies exactly behind, or at a pole, must not fall off the image.
+    if frame.turn > 2.0 * PI - 1e-4 {
+        u = clamp(u, 0.0, ALMOST_ONE);
+    }
     if frame.shape == 3u {
-        v = 0.5 + exact_atan2(hit.y, length(hit.xz)) / PI;
+        v = clamp(0.5 + exact_atan2(hit.y, length(hit.xz)) / PI, 0.0, ALMOST_ONE);
     }
     place.seen = t > 0.0;
     place.texel = vec2<f32>(u, v) * frame.image_px;

@@ -126,7 +126,7 @@ def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
         row["outline"][: len(edges), :3] = edges
     if isinstance(view.placement, OnShape):
         local = view.placement.local_from_room()
-        corner = arrays.origin_m[chosen] @ local[:3, :3].T + local[:3, 3]
+        corner = view.display.nudged_origin_m[chosen] @ local[:3, :3].T + local[:3, 3]
         rows["ray"][:, :3] = corner - _eye_in_shape(view.placement, eye_m)
         rows["ray_right"][:, :3] = (arrays.right * arrays.pitch_m[:, :1])[chosen] @ local[:3, :3].T
         rows["ray_down"][:, :3] = (arrays.down * arrays.pitch_m[:, 1:])[chosen] @ local[:3, :3].T

@@ -10,44 +10,25 @@ import simplejpeg
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from limen.data.partial import PartialFile, is_disk_full
-from limen.errors import InputError, LimenError, StorageError
+from limen.data.partial import write_bytes
+from limen.errors import InputError, StorageError
 
-__all__ = ["JPEG_QUALITY", "write_bytes", "write_picture"]
+__all__ = ["JPEG_QUALITY", "write_picture"]
 
 JPEG_QUALITY = 90
 
 
-def write_bytes(path: str | Path, content: bytes) -> Path:
-    """Write a file in a folder that is made if need be; returns the path.
-
-    Raises
-    ------
-    StorageError
-        If the disk refuses; the message names the file and what to do. Nothing is left behind.
-    """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with PartialFile(path) as file:
-            file.write(content)
-    except LimenError:
-        raise
-    except OSError as error:
-        cure = "free some space" if is_disk_full(error) else "choose another place"
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}; {cure}") from error
-    return path
-
-
 def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
     """Write uint8 (h, w, 3 or 4) sRGB as JPEG or PNG, as the name says; transparency is dropped in a JPEG.
+
+    The folder is made if need be.
 
     Raises
     ------
     InputError
         If the name ends in anything else.
     StorageError
-        As in `write_bytes`.
+        If the disk refuses.
     """
     path = Path(path)
     picture = np.ascontiguousarray(picture)
@@ -61,4 +42,8 @@ def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
             content = file.getvalue()
         case _:
             raise InputError(f"{path}: a picture's name must end in .png or .jpg")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"{path.parent}: cannot be made: {error.strerror}; choose another folder") from error
     return write_bytes(path, content)

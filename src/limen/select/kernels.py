@@ -24,6 +24,7 @@ _MIP_SLACK = 2e-2
 _MIN_CELL_PX = 16.0
 _FIRST_CELL_PX = 256.0
 _STACK = 256
+_ALMOST_ONE = 1.0 - 1e-12
 
 
 @njit(cache=True, nogil=True)
@@ -176,6 +177,11 @@ def _shape_texel(shape, x, y, z):
         hy = ey + t * dy
         u = 0.5 + math.atan2(ex + t * dx, ez + t * dz) / shape.turn
         v = 0.5 + (0.5 * hy if shape.kind == 1 else math.asin(min(max(hy, -1.0), 1.0)) / math.pi)
+        # A closed shape has no edge: what lies exactly behind, or at a pole, must not fall off the image.
+        if shape.period > 0.0:
+            u = min(u, _ALMOST_ONE)
+        if shape.kind == 2:
+            v = min(v, _ALMOST_ONE)
     hit = t > 0.0 and 0.0 <= u < 1.0 and 0.0 <= v < 1.0
     return hit, u * shape.image_px[0], v * shape.image_px[1]
 

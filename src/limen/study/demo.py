@@ -19,13 +19,14 @@ from PIL import Image as Picture
 
 from limen.data import ingest, sample_image
 from limen.data.image import Image, open_image
+from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.errors import NeedsIngestError
 from limen.frame import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.placement import Fit, OnSurface
-from limen.present.file import write_bytes, write_picture
+from limen.present.file import write_picture
 from limen.present.room import draw_room, draw_surface
 from limen.select.image import levels_at, select, view_of
 from limen.study.moments import Moment, level_tints, telling_moments

@@ -19,10 +19,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from limen.data.pages import PAGE
+from limen.data.partial import write_bytes
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.traffic import Counts, Report, Row
-from limen.track.replay import write_atomically
 from limen.track.room import Room
 from limen.track.session import Session
 from limen.track.walk import Heat
@@ -76,12 +76,12 @@ def traffic_plot(report: Report, path: str | Path) -> None:
     StorageError
         If the file cannot be written.
     """
-    write_atomically(Path(path), traffic_picture(report, format_of(path)))
+    write_bytes(path, traffic_picture(report, format_of(path)))
 
 
 def walk_plot(heat: Heat, hotspots: Sequence[Floats], session: Session, path: str | Path) -> None:
     """Draw `walk_picture` to a .png or .svg file; raises as `traffic_plot`."""
-    write_atomically(Path(path), walk_picture(heat, hotspots, session, format_of(path)))
+    write_bytes(path, walk_picture(heat, hotspots, session, format_of(path)))
 
 
 def traffic_picture(report: Report, kind: Format = "svg") -> bytes:

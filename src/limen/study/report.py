@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from limen.data.image import Image
 from limen.data.pages import PAGE
+from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.draw.records import level_colours
 from limen.geometry import Floats
 from limen.placement import OnSurface
-from limen.present.file import write_bytes
 from limen.study.moments import Moment
 from limen.study.traffic import Report, Row
 from limen.track.session import Session
@@ -120,18 +120,18 @@ def _fields(story: Story) -> dict[str, str]:
 
 
 _MOMENTS = (
-    "Each moment shows the room as it is lit, the walls unrolled (the front wall in the middle, the seam in the middle of "
-    "the back wall), and the level of the image's pyramid that every place is drawn from."
+    "Each moment shows the room as it is lit, the walls unrolled (the front wall in the middle, the seam in the middle "
+    "of the back wall), and the level of the image's pyramid that every place is drawn from."
 )
 _CROPS = (
-    "Left: all the detail that the panel could show. Right: what was drawn for the visitor. Below, both again as her eye "
-    f"resolves them from where she stands ({HUMAN_ARCMIN} arcminutes, the median of what people were measured to resolve). "
-    "If the upper pictures differ and the lower ones do not, the difference was not hers to see."
+    "Left: all the detail that the panel could show. Right: what was drawn for the visitor. Below, both again as her "
+    f"eye resolves them from where she stands ({HUMAN_ARCMIN} arcminutes, the median of what people were measured to "
+    "resolve). If the upper pictures differ and the lower ones do not, the difference was not hers to see."
 )
 _TRAFFIC = (
     f"Pages of {PAGE} x {PAGE} texels that a frame of this walk needs, with nothing kept from the frame before, as for "
-    "data that changes all the time. The floor counts the samples that eyes of that acuity could resolve at all; texels "
-    "over floor tells how far from that limit the pages are."
+    "data that changes all the time. The floor counts the samples that eyes of that acuity could resolve at all; "
+    "texels over floor tells how far from that limit the pages are."
 )
 _PAPER = (
     "The test of Papadopoulos and Kaufman (2013): three synthetic walks, the front, left and right wall, an image with "

@@ -11,11 +11,8 @@ A person can read it, a spreadsheet too, and pandas with ``read_csv(path, commen
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
-import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +20,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from limen.errors import MissingFileError, SessionError, StorageError
+from limen.data.partial import write_bytes
+from limen.errors import MissingFileError, SessionError
 from limen.track.session import Session, Track, find_fault
 
 if TYPE_CHECKING:
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
 
     from limen.geometry import Floats
 
-__all__ = ["VERSION", "read_session", "session_text", "write_atomically", "write_session"]
+__all__ = ["VERSION", "read_session", "session_text", "write_session"]
 
 VERSION = 1
 _MARK = "# limen session "
@@ -57,33 +55,7 @@ def write_session(path: str | Path, session: Session) -> None:
     StorageError
         If the file cannot be written; what was there before stays.
     """
-    write_atomically(Path(path), session_text(session).encode())
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write beside, then rename: nobody ever sees half a file.
-
-    Raises
-    ------
-    StorageError
-        If the disk refuses.
-    """
-    beside = ""
-    try:
-        descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(beside, 0o666 & ~umask)  # noqa: PTH101 - mkstemp makes files that only their owner may read
-        os.replace(beside, path)  # noqa: PTH105
-        beside = ""
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        if beside:
-            with contextlib.suppress(OSError):
-                Path(beside).unlink()
+    write_bytes(path, session_text(session).encode())
 
 
 def session_text(session: Session) -> str:

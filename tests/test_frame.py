@@ -1,0 +1,181 @@
+"""Whole frames: pictures against plain resampling, what a live frame may not do, and what happens on bad days."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvips
+
+import limen
+from limen.data import sample_image
+from limen.display.quilt import Quilt
+from limen.errors import DeviceLimitError, InputError
+from limen.frame import Renderer, render, select_ahead
+from limen.placement import OnShape, OnSurface
+from limen.tolerance import Policy
+
+pytestmark = pytest.mark.gpu
+
+FULL = Policy("full")
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory) -> Path:
+    """A sample of 6 megapixels."""
+    path = tmp_path_factory.mktemp("world") / "world.tif"
+    sample_image(path, 0.006, aspect=2.0)
+    return path
+
+
+def plain(path: Path, size_px: tuple[int, int]) -> np.ndarray:
+    """The image resampled by libvips with Lanczos 3 in linear light: uint8 (h, w, 3)."""
+    image = pyvips.Image.new_from_file(str(path)).colourspace("scrgb")
+    image = image.resize(size_px[0] / image.width, vscale=size_px[1] / image.height, kernel="lanczos3")
+    return image.colourspace("srgb").numpy()[..., :3]
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    return float(10 * np.log10(255**2 / ((a.astype(float) - b) ** 2).mean()))
+
+
+def assert_same(a: np.ndarray, b: np.ndarray) -> None:
+    """Equal but for the last bit, which depends on where in the pool a page lies."""
+    np.testing.assert_allclose(a.astype(int), b, atol=1)
+
+
+@pytest.mark.parametrize("size_px", [(1732, 866), (1200, 600), (640, 320)])
+def test_a_panel_under_full_is_a_plain_resampling(world, device, size_px):
+    drawn = render(world, limen.Display.window(size_px), policy="full", device=device)["window"]
+    assert drawn.shape == (size_px[1], size_px[0], 4)
+    assert psnr(drawn[..., :3], plain(world, size_px)) >= 35
+
+
+@pytest.mark.data
+def test_real_pictures_under_full_are_a_plain_resampling(data_dir, device):
+    """The slide, whose levels were made elsewhere, and a photograph that has none."""
+    for name, divisor in (("CMU-1-Small-Region.svs", 2), ("apollo_moon_pano_16810x1708.jpg", 7)):
+        path = data_dir / "image" / name
+        with limen.open(path) as image:
+            size_px = (image.size_px[0] // divisor, image.size_px[1] // divisor)
+            covered = (size_px[0] * divisor, size_px[1] * divisor)
+            centre = (covered[0] / 2 / image.size_px[0], covered[1] / 2 / image.size_px[1])
+            placement = OnSurface("one-to-one", zoom=1 / divisor, centre=centre)
+            drawn = render(image, limen.Display.window(size_px), policy="full", placement=placement, device=device)
+        crop = pyvips.Image.new_from_file(str(path)).crop(0, 0, *covered)
+        linear = crop[:3].copy(interpretation="srgb") if crop.bands >= 3 else crop.colourspace("srgb")
+        want = linear.colourspace("scrgb").resize(1 / divisor, kernel="lanczos3").colourspace("srgb").numpy()
+        inner = (slice(4, -4), slice(4, -4))
+        assert psnr(drawn["window"][..., :3][inner], want[..., :3][inner]) >= 35, name
+
+
+def test_panels_of_a_room_show_their_own_part_and_nothing_else(world, device):
+    wall = limen.Display.preset("rostock").scaled(0.1)
+    pictures = render(world, wall, policy="full", placement=OnSurface("cover"), device=device)
+    assert list(pictures) == [panel.name for panel in wall.panels]
+    whole = np.concatenate(
+        [np.concatenate([pictures[f"wall/{column},{row}"] for column in range(6)], axis=1) for row in range(4)]
+    )
+    with limen.open(world) as image:
+        maps = OnSurface("cover").panel_maps(wall, image.size_px)
+        source = plain(world, tuple(round(side / maps.scale[0, 0]) for side in image.size_px))
+    top = (source.shape[0] - whole.shape[0]) // 2
+    left = (source.shape[1] - whole.shape[1]) // 2
+    assert psnr(whole[..., :3], source[top : top + whole.shape[0], left : left + whole.shape[1]]) > 30
+    some = render(world, wall, policy="full", placement=OnSurface("cover"), panels="wall/?,1", device=device)
+    assert len(some) == 6
+    assert_same(some["wall/2,1"], pictures["wall/2,1"])
+
+
+def test_a_distant_viewer_gets_less_detail_and_a_near_one_all(world, device):
+    display = limen.Display.window((800, 400))
+    near, far = (limen.Viewer((0, 0, -0.6 + distance)) for distance in (0.1, 6.0))
+    full = render(world, display, policy="full", device=device)["window"]
+    assert_same(render(world, display, [near], device=device)["window"], full)
+    coarse = render(world, display, [far], device=device)["window"]
+    assert psnr(coarse, full) < 40
+    sharp = limen.Viewer((0, 0, 5.4), acuity_arcmin=0.05)
+    assert_same(render(world, display, [far, sharp], device=device)["window"], full)
+
+
+def test_a_live_frame_never_waits_and_arrives_in_the_end(world, device):
+    class Slow:
+        """Every page takes long."""
+
+        def __init__(self, image):
+            self._image, self.pyramid = image, image.pyramid
+
+        def read_page(self, page):
+            time.sleep(0.05)
+            return self._image.read_page(page)
+
+    display = limen.Display.window((800, 400))
+    with limen.open(world) as image, Renderer(device, display, Slow(image), uploads_per_frame=4) as renderer:
+        renderer.frame([], FULL)  # the first one compiles shaders
+        begin = time.perf_counter()
+        report = renderer.frame([], FULL)
+        assert time.perf_counter() - begin < 0.5
+        assert report.missing > 0
+        assert report.uploads <= 4
+        deadline = time.monotonic() + 60
+        while report.missing and time.monotonic() < deadline:
+            report = renderer.frame([], FULL)
+            assert report.uploads <= 4
+            time.sleep(0.01)
+        assert report.missing == 0
+        assert report.panels_active == 1
+
+
+def test_pages_are_fetched_ahead_of_a_walking_viewer(world):
+    from limen.select.image import view_of
+
+    with limen.open(world) as image:
+        view = view_of(limen.Display.window((1732, 866)), image.pyramid, OnSurface())
+    policy = Policy("acuity", 1.0)
+    first, then = (limen.Viewer((0, 0, 2.0 - 0.02 * step), time_s=step / 60) for step in (0, 1))
+    assert select_ahead(view, policy, [then], [first], 0.4) is not None
+    assert select_ahead(view, policy, [then], [then], 0.4) is None, "who stands still needs nothing early"
+    jump = limen.Viewer((0, 0, 50.0), time_s=1 / 60)
+    assert select_ahead(view, policy, [jump], [first], 0.4) is None, "a jump is not walked on"
+    assert then.extrapolated(first, 0.5).position_m == pytest.approx((0, 0, 1.98 - 0.6))
+
+
+def test_moving_the_image_keeps_its_pages(world, device):
+    display = limen.Display.window((400, 200))
+    with limen.open(world) as image, Renderer(device, display, image) as renderer:
+        before = next(iter(renderer.pictures([], FULL)))[1].copy()
+        renderer.place(OnSurface(zoom=4.0, centre=(0.3, 0.6)))
+        zoomed = next(iter(renderer.pictures([], FULL)))[1].copy()
+        renderer.place(OnSurface())
+        again = next(iter(renderer.pictures([], FULL)))[1].copy()
+    assert_same(before, again)
+    assert psnr(before, zoomed) < 30
+
+
+def test_an_image_on_a_shape_is_seen_through_the_panels(world, device):
+    cave = limen.Display.preset("cave").scaled(0.1)
+    dome = OnShape("ellipsoid", (0, 1.6, 0), (0, 0, -5), (0, -5, 0))
+    pictures = render(world, cave, [limen.Viewer((0, 1.6, 0.2))], placement=dome, device=device)
+    assert all(picture[..., 3].min() == 255 for picture in pictures.values()), "the dome is all around"
+
+
+def test_what_cannot_be_is_said(world, device):
+    display = limen.Display.window((64, 64))
+    with pytest.raises(InputError, match="no policy"):
+        render(world, display, policy="everything", device=device)
+    with pytest.raises(InputError, match="no panel"):
+        render(world, display, panels="wall/*", device=device)
+    with pytest.raises(InputError, match="eye point"):
+        render(world, display, placement=OnShape("plane", (0, 0, -3), (1, 0, 0), (0, -1, 0)), device=device)
+    with limen.open(world) as image, pytest.raises(DeviceLimitError, match="too small"):
+        Renderer(device, display, image, gpu_bytes=1000)
+
+
+def test_a_frame_fits_a_small_pool_by_coarser_pages(world, device):
+    display = limen.Display.window((1732, 866))
+    with limen.open(world) as image, Renderer(device, display, image, gpu_bytes=8 * 264 * 264 * 4) as renderer:
+        report = renderer.frame([], FULL, quilt=Quilt((1732, 866), (0,), ((0, 0),)))
+        assert report.bias > 0
+        assert report.pages < 8
