@@ -48,6 +48,7 @@ app = App(
     name="limen",
     help="Gigapixel images on any display made of flat panels, drawn to the threshold of what a viewer can see.",
     version=_version,
+    suppress_keyboard_interrupt=False,  # `main` says so itself
 )
 for _verb, (_summary, _example) in _VERBS.items():
     app.command(f"limen.cli.{_verb}:{_verb}", name=_verb, help=f"{_summary}\n\nExample: limen {_verb} {_example}")

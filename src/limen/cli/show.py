@@ -44,6 +44,7 @@ class FrameRow(msgspec.Struct):
     policy: str
     panels_active: int
     pages: int
+    missing: int
     triangles: int
     splats: int
     max_error_px: float
@@ -60,7 +61,9 @@ def show(
     display: DisplayOption = "",
     panels: PanelsOption = [],  # noqa: B006 - cyclopts shows the default
     session: Annotated[str, Parameter(help="A, B or C (made for the display), or a session file.")] = "",
-    viewer: Annotated[str, Parameter(help="X,Y,Z of a single viewer's eyes in metres, instead of a session.")] = "",
+    viewer: Annotated[
+        str, Parameter(allow_leading_hyphen=True, help="X,Y,Z of one viewer's eyes in metres, instead of a session.")
+    ] = "",
     policy: PolicyOption = "acuity",
     acuity_arcmin: AcuityOption = "human",
     fit: FitOption = "contain",

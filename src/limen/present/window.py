@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+import glfw
 
 from limen.errors import DeviceError
 
@@ -75,6 +78,14 @@ class Canvas:
         self._canvas.close()
 
 
+def _connect() -> None:
+    """Ask for the screen; without one, the backend's import would end the process (an assertion in C)."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        if not glfw.init():
+            raise DeviceError(str(said[-1].message) if said else "GLFW finds no screen")
+
+
 def open_canvas(wgpu_device: Any, size: tuple[int, int], title: str) -> Canvas:
     """Open a window.
 
@@ -84,6 +95,7 @@ def open_canvas(wgpu_device: Any, size: tuple[int, int], title: str) -> Canvas:
         If there is no screen to open it on; the message says what to do instead.
     """
     try:
+        _connect()
         # Importing the backend connects to the screen, so it can only be asked for when a window is wanted.
         from rendercanvas.glfw import RenderCanvas, loop
 

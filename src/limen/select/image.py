@@ -157,8 +157,8 @@ def select_on_shape(
     )
     coverage = np.zeros(view.pyramid.page_count)
     kernels.shape_pages(
-        view.display.nudged_origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px, shape, _level_arrays(view.pyramid),
-        tolerance.eyes_m, tolerance.tan_angle, bias, coverage,
+        view.display.nudged_origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px,
+        shape, _level_arrays(view.pyramid), tolerance.eyes_m, tolerance.tan_angle, bias, coverage,
     )  # fmt: skip
     pages = np.flatnonzero(coverage)
     return _cut(view.pyramid, pages, coverage[pages], _NONE, _NONE, 1.0)

@@ -1,0 +1,206 @@
+"""The verbs that draw, from the command line: their JSON, their files, and what they say on bad days."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from limen.cli.app import main
+from limen.data import sample_image
+
+LIMEN = [sys.executable, "-m", "limen.cli"]
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("world") / "world.tif"
+    sample_image(path, 0.01)
+    return path
+
+
+def limen(*words: object) -> int:
+    try:
+        main([str(word) for word in words])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+@pytest.mark.gpu
+def test_show_writes_what_it_promises(world, tmp_path, capsys):
+    out = tmp_path / "frames"
+    words = ("show", world, "--display", "rostock", "--session", "A", "--frames", 2, "--out", out, "--scale", 0.1)
+    assert limen(*words, "--panels", "wall/0,*", "--simulate", "--json") == 0
+    frames = json.loads(capsys.readouterr().out)["frames"]
+    assert len(frames) == 2
+    for frame in frames:
+        assert {"time_s", "policy", "panels_active", "pages", "triangles", "splats", "max_error_px"} <= set(frame)
+        assert {"select_ms", "draw_ms", "files"} <= set(frame)
+        assert len(frame["files"]) == 4 + 2
+        assert frame["pages"] > 0
+    assert frames[0]["time_s"] < frames[1]["time_s"]
+    pictures = [Path(name) for frame in frames for name in frame["files"]]
+    assert all(path.exists() for path in pictures)
+    with Picture.open(pictures[0]) as panel:
+        assert panel.size == (192, 120)
+    assert not list(tmp_path.rglob("*.partial*"))
+
+
+@pytest.mark.gpu
+def test_the_overlay_shows_near_detail_in_red(world, tmp_path, capsys):
+    words = ("show", world, "--display", "rostock", "--fit", "cover", "--overlay", "levels", "--format", "png")
+    assert limen(*words, "--viewer", "-1.4,2,-1.3", "--out", tmp_path, "--scale", 0.25, "--json") == 0
+    files = [Path(name) for name in json.loads(capsys.readouterr().out)["frames"][0]["files"]]
+    by_name = {path.stem: np.asarray(Picture.open(path)).astype(int).mean(axis=(0, 1)) for path in files}
+    near, far = by_name["wall-0,0"], by_name["wall-5,3"]
+    assert near[0] - near[1] > far[0] - far[1], "more red beside the viewer"
+
+
+@pytest.mark.gpu
+def test_a_window_opens_and_closes(world):
+    """A real window on a virtual screen, drawn for a second."""
+    if shutil.which("xvfb-run") is None:
+        pytest.skip("NO VIRTUAL SCREEN: install xvfb to test windows")
+    for words in ([], ["--display", "rostock", "--session", "A", "--overlay", "levels"]):
+        done = subprocess.run(
+            ["xvfb-run", "-a", *LIMEN, "show", str(world), *words, "--seconds", "2", "--json"],
+            capture_output=True, text=True, timeout=120, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        frame = json.loads(done.stdout)["frames"][0]
+        assert frame["pages"] > 0
+        assert frame["missing"] == 0, "after two seconds everything has come"
+
+
+@pytest.mark.gpu
+def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys):
+    assert limen("demo", "--content", world, "--out", tmp_path / "demo", "--json") == 0
+    result = json.loads(capsys.readouterr().out)
+    report = Path(result["report"])
+    text = report.read_text()
+    assert not re.findall(r'(?:src|href)="(?!data:|#)', text), "nothing is loaded from elsewhere"
+    assert "$" not in re.sub(r"data:[^\"]+", "", text), "every placeholder is filled"
+    for name in result["pictures"]:
+        path = Path(name)
+        assert path.exists()
+        if path.suffix == ".jpg":
+            assert np.asarray(Picture.open(path)).std() > 5, f"{path.name} is blank"
+    rows = result["traffic"]["sessions"][0]["rows"]
+    assert [row["policy"] for row in rows] == ["full", "acuity", "acuity", "acuity"]
+    paper = result["traffic_one_to_one"]["sessions"]
+    assert [session["name"] for session in paper] == ["A", "B", "C"]
+    assert 0.87 < paper[0]["rows"][1]["saving"] < 0.92
+
+
+def test_display_lists_draws_and_converts(tmp_path, capsys):
+    words = ("display", "rostock", "--picture", tmp_path / "room.png", "--to-toml", tmp_path / "copy.toml", "--json")
+    assert limen(*words) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["name"] == "rostock"
+    assert report["total_px"] == 24 * 1920 * 1200
+    assert {"name", "size_px", "size_m", "pitch_m", "optimal_distance_m"} <= set(report["panels"][0])
+    assert np.asarray(Picture.open(tmp_path / "room.png")).std() > 5
+    assert limen("display", tmp_path / "copy.toml") == 0
+    assert "24 panels" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("show", "none.tif", "--out", "x"), "none.tif: there is no such file"),
+        (("show", "cut.tif", "--out", "x"), "cut.tif"),
+        (("show", "text.tif", "--out", "x"), "text.tif"),
+        (("show", "world.tif", "--display", "nowhere", "--out", "x"), "no display is named 'nowhere'"),
+        (("show", "world.tif", "--display", "bad.toml", "--out", "x"), "bad.toml:5: Object contains unknown"),
+        (("show", "world.tif", "--display", "empty.toml", "--out", "x"), "empty.toml: no panels"),
+        (("show", "world.tif", "--display", "rostock", "--session", "nan.csv", "--out", "x"), "nan.csv:3: x_m"),
+        (("show", "world.tif", "--viewer", "1,2", "--out", "x"), "--viewer takes three numbers"),
+        (("show", "world.tif", "--policy", "best", "--out", "x"), "--policy"),
+        (("show", "world.tif", "--acuity-arcmin", "0", "--out", "x"), "acuity must lie above 0"),
+        (("show", "world.tif", "--frames", "0", "--out", "x"), "--frames must be at least 1"),
+        (("show", "world.tif", "--scale", "2", "--out", "x"), "scale must lie above 0"),
+        (("show", "world.tif", "--out", "world.tif/x"), "world.tif"),
+        (("display", "rostock", "--picture", "room.gif"), "must end in .png or .jpg"),
+        (("demo", "--content", "none.jpg"), "none.jpg: there is no such file"),
+        (("bench", "everything"), "no benchmark is named 'everything'"),
+        (("shoe", "world.tif"), "did you mean 'show'"),
+        (("show",), "CONTENT"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line_and_exit_code_2(words, says, world, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(world, "world.tif")
+    Path("cut.tif").write_bytes(world.read_bytes()[:5000])
+    Path("text.tif").write_text("this is not a picture")
+    Path("empty.toml").write_text("name = 'nothing'\n")
+    Path("bad.toml").write_text("name = 'x'\n[[grid]]\nname = 'a'\nsize_px = [9, 9]\ncolour = 'red'\n")
+    Path("nan.csv").write_text(
+        '# limen session 1: {"name": "n", "display": "rostock", "rate_hz": 60}\n'
+        "time_s,viewer,x_m,y_m,z_m,direction_x,direction_y,direction_z\n0.0,v,nan,1.7,0,0,0,-1\n"
+    )
+    before = sorted(Path().iterdir())
+    assert limen(*words) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.strip().splitlines()) == 1, captured.err
+    assert says in captured.err
+    assert "Traceback" not in captured.err
+    left = [path for path in sorted(Path().iterdir()) if path not in before]
+    assert not [path for path in left if path.is_file()], "nothing half-written"
+
+
+@pytest.mark.parametrize("verb", [("show",), ("demo", "--content")])
+def test_without_an_adapter_one_line_says_what_to_install(verb, world, tmp_path):
+    environment = {**os.environ, "VK_DRIVER_FILES": "/nonexistent.json", "VK_LOADER_DRIVERS_DISABLE": "*"}
+    environment |= {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent.json", "LIBGL_DRIVERS_PATH": "/nonexistent"}
+    environment |= {"WGPU_BACKEND_TYPE": "Vulkan", "XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run(
+        [*LIMEN, *verb, str(world), "--out", str(tmp_path / "x")],
+        env=environment, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "no graphics adapter" in done.stderr
+    assert "mesa-vulkan-drivers" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.gpu
+def test_a_window_without_a_screen_says_so(world):
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run(
+        [*LIMEN, "show", str(world)], env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 2, done.stderr
+    assert "--out" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("words", [
+    ("show", "{world}", "--display", "reality-deck", "--out", "{out}"),
+    ("sample", "image", "{out}/big.tif", "--gigapixels", "1"),
+    ("traffic", "one-to-one", "--display", "reality-deck", "--session", "A"),
+    ("demo", "--content", "{world}", "--out", "{out}"),
+])  # fmt: skip
+def test_ctrl_c_ends_cleanly(words, world, tmp_path):
+    filled = [word.format(world=world, out=tmp_path) for word in words]
+    running = subprocess.Popen([*LIMEN, *filled], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(6)
+    assert running.poll() is None, running.communicate()[1]
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate(timeout=30)
+    assert running.returncode == 130, err
+    assert "Traceback" not in err
+    assert "interrupted" in err
+    assert not [path for path in tmp_path.rglob("*") if "partial" in path.name or path.name == "big.tif"]
