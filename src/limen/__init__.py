@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from limen.tolerance import Tolerance as Tolerance
     from limen.viewer import Viewer as Viewer
     from limen.vision.acuity import optimal_distance_m as optimal_distance_m
+    from limen.vision.contrast import resolution_cpd as resolution_cpd
+    from limen.vision.contrast import sensitivity as sensitivity
 
 _HOMES = {
     "Display": "limen.display.display",
@@ -29,6 +31,8 @@ _HOMES = {
     "open": "limen.data",
     "optimal_distance_m": "limen.vision.acuity",
     "render": "limen.frame",
+    "resolution_cpd": "limen.vision.contrast",
+    "sensitivity": "limen.vision.contrast",
 }
 
 __all__ = [
@@ -41,6 +45,8 @@ __all__ = [
     "open",
     "optimal_distance_m",
     "render",
+    "resolution_cpd",
+    "sensitivity",
 ]
 
 

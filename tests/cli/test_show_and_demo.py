@@ -72,7 +72,7 @@ def test_a_window_opens_and_closes(world):
     """A real window on a virtual screen, drawn for a second."""
     if shutil.which("xvfb-run") is None:
         pytest.skip("NO VIRTUAL SCREEN: install xvfb to test windows")
-    for words in ([], ["--display", "rostock", "--session", "A", "--overlay", "levels"]):
+    for words, late in (([], 0.0), (["--display", "rostock", "--session", "A", "--overlay", "levels"], 0.3)):
         done = subprocess.run(
             ["xvfb-run", "-a", *LIMEN, "show", str(world), *words, "--seconds", "2", "--json"],
             capture_output=True, text=True, timeout=120, check=False,
@@ -80,7 +80,8 @@ def test_a_window_opens_and_closes(world):
         assert done.returncode == 0, done.stderr
         frame = json.loads(done.stdout)["frames"][0]
         assert frame["pages"] > 0
-        assert frame["missing"] == 0, "after two seconds everything has come"
+        # Before a still viewer everything has come; before a walking one, nearly.
+        assert frame["missing"] <= late * frame["pages"]
 
 
 @pytest.mark.gpu
@@ -111,6 +112,11 @@ def test_display_lists_draws_and_converts(tmp_path, capsys):
     assert report["total_px"] == 24 * 1920 * 1200
     assert {"name", "size_px", "size_m", "pitch_m", "optimal_distance_m"} <= set(report["panels"][0])
     assert np.asarray(Picture.open(tmp_path / "room.png")).std() > 5
+    assert limen("display", "rostock", "--quilt", "--picture", tmp_path / "quilt.png", "--json") == 0
+    quilts = json.loads(capsys.readouterr().out)["quilts"]
+    assert [quilt["panels"] for quilt in quilts] == [4] * 6, "one for each node"
+    assert all(quilt["fill"] == 1 for quilt in quilts)
+    assert np.asarray(Picture.open(tmp_path / "quilt.png")).std() > 5
     assert limen("display", tmp_path / "copy.toml") == 0
     assert "24 panels" in capsys.readouterr().out
 

@@ -12,8 +12,9 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.display.panel import Panel
+from limen.display.quilt import Quilt, fill, pack
 from limen.present.file import write_picture
-from limen.present.room import draw_room
+from limen.present.room import draw_quilts, draw_room
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, optimal_distance_m
 
 __all__ = ["display"]
@@ -31,6 +32,12 @@ class PanelRow(msgspec.Struct):
     node: str
 
 
+class QuiltRow(msgspec.Struct):
+    size_px: tuple[int, int]
+    panels: int
+    fill: float
+
+
 class DisplayReport(msgspec.Struct):
     name: str
     description: str
@@ -40,12 +47,16 @@ class DisplayReport(msgspec.Struct):
     nodes: int
     picture: str | None = None
     toml: str | None = None
+    quilts: list[QuiltRow] | None = None
 
 
 def display(
     display: Annotated[str, Parameter(help="A preset's name or a display file (TOML).")],
     /,
     *,
+    quilt: Annotated[
+        bool, Parameter(negative="", help="Pack the panels of each node; --picture then draws that.")
+    ] = False,
     picture: Annotated[Path | None, Parameter(help="Draw the room to this file (.png, .jpg).")] = None,
     to_toml: Annotated[Path | None, Parameter(help="Write the display with every panel spelled out.")] = None,
     common: Common = DEFAULT,
@@ -54,14 +65,28 @@ def display(
     out = Output(common)
     chosen = Display.named(display)
     report = _report(chosen)
+    packed = _quilts(chosen) if quilt else []
+    if quilt:
+        report.quilts = [QuiltRow(each.size_px, len(each.panels), fill(chosen, each)) for each in packed]
     if picture is not None:
-        write_picture(picture, draw_room(chosen))
+        write_picture(picture, draw_quilts(chosen, packed) if quilt else draw_room(chosen))
         report.picture = str(picture)
     if to_toml is not None:
         write_bytes(to_toml, chosen.to_toml().encode())
         report.toml = str(to_toml)
     _print(out, chosen, report)
     out.result(report)
+
+
+def _quilts(chosen: Display) -> list[Quilt]:
+    """The quilts of every node, within what the smallest common GPUs draw."""
+    index = {panel.name: number for number, panel in enumerate(chosen.panels)}
+    nodes = chosen.nodes.values()
+    return [
+        each
+        for names in nodes
+        for each in pack(chosen, max_size_px=16_384, max_px=1 << 27, panels=[index[n] for n in names])
+    ]
 
 
 def _report(chosen: Display) -> DisplayReport:
@@ -117,6 +142,11 @@ def _print(out: Output, chosen: Display, report: DisplayReport) -> None:
             )
     out.line(f"{report.name}: {report.description}" if report.description else report.name)
     out.table("", columns, rows)
+    if report.quilts is not None:
+        quilts = [
+            (f"{n}", f"{q.size_px[0]} x {q.size_px[1]}", q.panels, f"{q.fill:.1%}") for n, q in enumerate(report.quilts)
+        ]
+        out.table("", ["quilt", "pixels", "panels", "fill"], quilts)
     width, height = report.surface_m
     out.line(
         f"{len(chosen.panels)} panels, {report.total_px / 1e6:,.1f} megapixels, "

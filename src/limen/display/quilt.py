@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from limen.display.display import Display
 from limen.errors import DisplayError
 
-__all__ = ["Quilt", "pack", "pieces"]
+__all__ = ["Quilt", "fill", "pack", "pieces"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,12 @@ def pack(
         packed = set(quilt.panels)
         waiting = [index for index in waiting if index not in packed]
     return quilts
+
+
+def fill(display: Display, quilt: Quilt) -> float:
+    """Share of a quilt's pixels that belong to panels, 0 to 1."""
+    used = sum(math.prod(display.panels[index].size_px) for index in quilt.panels)
+    return used / math.prod(quilt.size_px)
 
 
 def pieces(display: Display, quilt: Quilt, image: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:

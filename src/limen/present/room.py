@@ -17,10 +17,11 @@ from PIL import ImageDraw, ImageFont
 
 from limen.display.display import Display
 from limen.display.panel import Panel
+from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 from limen.viewer import Viewer
 
-__all__ = ["Camera", "draw_room", "draw_surface"]
+__all__ = ["Camera", "draw_quilts", "draw_room", "draw_surface"]
 
 Rgb = NDArray[np.uint8]
 
@@ -143,6 +144,27 @@ def draw_surface(display: Display, pictures: Mapping[str, Rgb], width_px: int = 
             )
         else:
             canvas.paste(_UNLIT, box)
+    return np.asarray(canvas)
+
+
+def draw_quilts(display: Display, quilts: Sequence[Quilt], width_px: int = 1600) -> Rgb:
+    """Where each panel lies in its quilt, the quilts below each other: uint8 (height, width_px, 3)."""
+    scale = width_px / max(quilt.size_px[0] for quilt in quilts)
+    gap = 12
+    heights = [max(1, math.ceil(quilt.size_px[1] * scale)) for quilt in quilts]
+    canvas = Picture.new("RGB", (width_px, sum(heights) + gap * (len(quilts) - 1)), _BACKGROUND)
+    drawing = ImageDraw.Draw(canvas)
+    top = 0
+    for quilt, height in zip(quilts, heights, strict=True):
+        drawing.rectangle([0, top, quilt.size_px[0] * scale, top + height], fill=_FLOOR)
+        for index, (x, y) in zip(quilt.panels, quilt.offsets_px, strict=True):
+            panel = display.panels[index]
+            left, upper = x * scale, top + y * scale
+            right, lower = left + panel.size_px[0] * scale, upper + panel.size_px[1] * scale
+            drawing.rectangle([left, upper, right, lower], fill=_UNLIT, outline=_EDGE, width=2)
+            font = ImageFont.load_default(size=max(8.0, min(16.0, (right - left) / 9)))
+            drawing.text(((left + right) / 2, (upper + lower) / 2), panel.name, fill=_TEXT, font=font, anchor="mm")
+        top += height + gap
     return np.asarray(canvas)
 
 
