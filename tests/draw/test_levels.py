@@ -186,3 +186,24 @@ def test_levels_follow_the_formula_on_shapes(shape: str, viewers: int, studio: A
         assert (picture[..., 0] == expected)[sure & inside].all()
         assert (picture[..., 1] == 0).all()
         assert sure.mean() > 0.95
+
+
+def test_a_preview_is_tinted_by_the_levels_of_the_true_panels(studio: Any, memory_image: Any) -> None:
+    """An eighth of the pixels, and the same rings of colour."""
+    display = Display.window((640, 480), pitch_m=0.002, distance_m=1.0)
+    tolerance = tolerance_of([Viewer((0.3, 0.1, -0.7))], Policy("acuity", 30.0))
+    slope = np.linspace(40, 200, 1200)[None, :, None] + np.linspace(0, 40, 900)[:, None, None]
+    image = memory_image(np.broadcast_to(slope, (900, 1200, 3)).astype(np.uint8))
+    for placement in (OnSurface("cover"), OnShape("plane", (-2, 1.5, -1.5), (4, 0, 0), (0, -3, 0), eye_m=(0, 0, 0))):
+        true, small = (
+            studio.draw(image, shown, placement, tolerance, overlay="levels")["window"][..., :3].astype(float)
+            for shown in (display, display.scaled(0.125))
+        )
+        plain = studio.draw(image, display.scaled(0.125), placement, _FULL)["window"][..., :3].astype(float)
+        off = np.abs(true.reshape(60, 8, 80, 8, 3).mean((1, 3)) - small)
+        assert np.median(off) < 5
+        assert np.percentile(off, 95) < 40, "alike but for the rings' edges and fine detail"
+        # The viewer's distance decides: places that differ in level differ in colour, whatever the preview's own mip.
+        assert np.abs(small - plain).mean() > 15
+        green = small[..., 1] - plain[..., 1]
+        assert green.max() - green.min() > 40, "several rings"

@@ -155,7 +155,7 @@ class Display:
         return self._part(tuple(_scaled(panel, factor) for panel in self.panels))
 
     def _part(self, panels: tuple[Panel, ...]) -> Display:
-        return _Part(self.name, panels, self.description, self.surface, self.pitch_m)
+        return _Part(self.name, panels, self.description, self.surface)
 
     @cached_property
     def arrays(self) -> PanelArrays:
@@ -195,7 +195,7 @@ class Display:
     @property
     def pitch_m(self) -> float:
         """Distance between true pixels of the first panel, also in a preview of fewer pixels."""
-        return self.panels[0].pitch_m[0]
+        return self.panels[0].pitch_m[0] / self.panels[0].true_px
 
     @property
     def total_px(self) -> int:
@@ -226,6 +226,7 @@ def _scaled(panel: Panel, factor: float) -> Panel:
         pitch_m=(panel.pitch_m[0] / shrink[0], panel.pitch_m[1] / shrink[1]),
         outline_px=tuple((x * shrink[0], y * shrink[1]) for x, y in panel.outline_px),
         nudge_px=(panel.nudge_px[0] * shrink[0], panel.nudge_px[1] * shrink[1]),
+        true_px=panel.true_px / shrink[0],
     )
 
 
@@ -237,11 +238,6 @@ class _Part(Display):
     """Some panels of a display, or all with fewer pixels: an image still lies on the whole display's surface."""
 
     whole: Rect = _NOWHERE
-    true_pitch_m: float = 0.0
-
-    @property
-    def pitch_m(self) -> float:
-        return self.true_pitch_m
 
     @cached_property
     def surface(self) -> Rect:

@@ -40,6 +40,8 @@ class Panel:
         Moves the picture on this panel right and down, to make up for a panel mounted a little off.
     node
         The machine that draws this panel.
+    true_px
+        How many of the panel's true pixels one pixel stands for, along a row: more than 1 in previews only.
 
     Raises
     ------
@@ -57,6 +59,7 @@ class Panel:
     outline_px: tuple[tuple[float, float], ...] = ()
     nudge_px: tuple[float, float] = (0.0, 0.0)
     node: str = ""
+    true_px: float = 1.0
 
     def __post_init__(self) -> None:
         try:

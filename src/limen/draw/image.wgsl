@@ -47,7 +47,9 @@ struct Panel {
     scale: vec2<f32>,
     offset: vec2<f32>,
     first_page: vec2<i32>,
-    padding: vec2<i32>,
+    // Of the true panel, where this one is a preview with fewer pixels: for the overlay.
+    true_mip: i32,
+    true_px: f32,
     // On a shape: the ray through pixel (x, y) is ray + x * ray_right + y * ray_down, in the shape's frame.
     ray: vec4<f32>,
     ray_right: vec4<f32>,
@@ -107,9 +109,10 @@ fn floor_log2(x: f32) -> i32 {
     return i32(bitcast<u32>(x) >> 23u) - 127;
 }
 
-// The level a pixel is drawn at: the mip level and what distance hides.
-fn level_of(panel: u32, pixel: vec2<f32>, mip: i32) -> i32 {
-    let hidden = max(floor_log2(max(tolerance_px(panel, pixel), 1.0)), 0);
+// The level a pixel is drawn at: the mip level and what distance hides. The tolerance is counted in pixels of which
+// true_px make one of the panel's (1, unless a preview asks for the true panel's level).
+fn level_of(panel: u32, pixel: vec2<f32>, mip: i32, true_px: f32) -> i32 {
+    let hidden = max(floor_log2(max(tolerance_px(panel, pixel) * true_px, 1.0)), 0);
     return clamp(mip + hidden + frame.bias, 0, frame.top);
 }
 
@@ -248,8 +251,8 @@ fn place_on_shape(panel: u32, pixel: vec2<f32>) -> Place {
 }
 
 // floor(log2 A), A the longer of the two steps; a thousandth of tolerance as for images on the surface.
-fn mip_of(place: Place) -> i32 {
-    let footprint = sqrt(max(dot(place.right, place.right), dot(place.down, place.down)));
+fn mip_of(place: Place, true_px: f32) -> i32 {
+    let footprint = sqrt(max(dot(place.right, place.right), dot(place.down, place.down))) / true_px;
     return i32(floor(log2(clamp(footprint, 1e-30, 1e30)) + 1e-3));
 }
 
@@ -348,10 +351,17 @@ fn colour_of(slot: u32, texel: vec2<f32>, footprint: vec2<f32>, level: u32, coar
     } else {
         light = sharp(place, texel, footprint);
     }
-    if OVERLAY == 1u {
-        light = mix(light, levels[level + coarser].colour.rgb, levels[level + coarser].colour.a);
-    }
     return vec4<f32>(light, 1.0);
+}
+
+// The overlay of levels: the true panel's level, and how many levels coarser the page at hand is.
+fn tinted(colour: vec4<f32>, panel: u32, pixel: vec2<f32>, true_mip: i32, coarser: u32) -> vec4<f32> {
+    if OVERLAY != 1u {
+        return colour;
+    }
+    let level = level_of(panel, pixel, true_mip, panels[panel].true_px) + i32(coarser);
+    let tint = levels[min(level, frame.top)].colour;
+    return vec4<f32>(mix(colour.rgb, tint.rgb, tint.a), colour.a);
 }
 
 // ---------------------------------------------------------------- flat
@@ -379,11 +389,12 @@ fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
     let quad = quads[vertex.quad];
     let pixel = vertex.position.xy - vec2<f32>(panels[quad.panel].quilt_px);
     // Pages of neighbouring levels overlap: every pixel takes the one of its own level.
-    if level_of(quad.panel, pixel, panels[quad.panel].mip) != i32(quad.level) || !in_outline(quad.panel, pixel) {
+    if level_of(quad.panel, pixel, panels[quad.panel].mip, 1.0) != i32(quad.level) || !in_outline(quad.panel, pixel) {
         discard;
     }
     let texel = quad.scale * pixel + quad.offset;
-    return colour_of(quad.slot, texel, abs(quad.scale), quad.level, quad.coarser, quad.panel);
+    let colour = colour_of(quad.slot, texel, abs(quad.scale), quad.level, quad.coarser, quad.panel);
+    return tinted(colour, quad.panel, pixel, panels[quad.panel].true_mip, quad.coarser);
 }
 
 // ---------------------------------------------------------------- bent
@@ -414,7 +425,7 @@ fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
     if !place.seen || !in_outline(vertex.panel, pixel) {
         discard;
     }
-    let level = u32(level_of(vertex.panel, pixel, mip_of(place)));
+    let level = u32(level_of(vertex.panel, pixel, mip_of(place, 1.0), 1.0));
     let cell = page_at(place.texel, level);
     let entry = table[page_number(cell, level)];
     if entry == NO_PAGE {
@@ -424,7 +435,8 @@ fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
     let shrink = exp2(-f32(level + coarser));
     let texel = place.texel * shrink - vec2<f32>(cell >> vec2<u32>(coarser)) * PAGE;
     let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
-    return colour_of(entry >> 8u, texel, footprint, level, coarser, vertex.panel);
+    let colour = colour_of(entry >> 8u, texel, footprint, level, coarser, vertex.panel);
+    return tinted(colour, vertex.panel, pixel, mip_of(place, panels[vertex.panel].true_px), coarser);
 }
 
 // ---------------------------------------------------------------- feedback
@@ -455,9 +467,9 @@ fn feedback(@builtin(global_invocation_id) id: vec3<u32>) {
             return;
         }
         texel = place.texel;
-        mip = mip_of(place);
+        mip = mip_of(place, 1.0);
     }
-    let level = u32(level_of(panel, pixel, mip));
+    let level = u32(level_of(panel, pixel, mip, 1.0));
     var cell: vec2<u32>;
     if frame.shape == 0u {
         let fine = vec2<i32>(floor(texel / PAGE)) + panels[panel].first_page;

@@ -17,7 +17,7 @@ from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
-from limen.placement import OnShape
+from limen.placement import OnShape, PanelMaps
 from limen.select.cut import Cut
 from limen.select.image import View, shape_kind
 from limen.stream import Drawable
@@ -66,7 +66,8 @@ PANEL = np.dtype(
         ("scale", "<f4", 2),
         ("offset", "<f4", 2),
         ("first_page", "<i4", 2),
-        ("padding", "<i4", 2),
+        ("true_mip", "<i4"),
+        ("true_px", "<f4"),
         ("ray", "<f4", 4),
         ("ray_right", "<f4", 4),
         ("ray_down", "<f4", 4),
@@ -120,6 +121,8 @@ def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
     rows = np.zeros(len(chosen), PANEL)
     rows["quilt_px"], rows["size_px"] = quilt.offsets_px, arrays.size_px[chosen]
     rows["pitch_m"] = arrays.pitch_m[chosen]
+    true_px = np.array([view.display.panels[index].true_px for index in chosen])
+    rows["true_px"] = true_px
     for row, index in zip(rows, chosen, strict=True):
         edges = _outline_edges(view.display.panels[index])
         row["outline_edges"] = len(edges)
@@ -135,6 +138,7 @@ def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
     offset = view.maps.offset[chosen]
     first = np.floor(offset / PAGE)
     rows["mip"], rows["scale"] = view.maps.mip_level[chosen], view.maps.scale[chosen]
+    rows["true_mip"] = PanelMaps(rows["scale"] / true_px[:, None], offset).mip_level
     rows["first_page"], rows["offset"] = first, offset - first * PAGE
     return rows
 
