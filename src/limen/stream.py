@@ -26,14 +26,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.data.pages import Pyramid
 from limen.errors import InputError, PageError
 
 __all__ = ["Drawable", "PageSource", "Statistics", "Stream", "Update", "Upload"]
 
 _log = logging.getLogger(__name__)
-
-PAGE_BYTES = (PAGE + 2 * GUTTER) ** 2 * 4
 
 
 class PageSource(Protocol):
@@ -123,7 +121,8 @@ class Stream:
         self._failed: set[int] = set()
         self._closed = False
         self._workers = ThreadPoolExecutor(threads, thread_name_prefix="limen-decode")
-        self._tasks = [self._workers.submit(self._work) for _ in range(threads)]
+        for _ in range(threads):
+            self._workers.submit(self._work)
 
     # ------------------------------------------------------------------ what a frame does
 

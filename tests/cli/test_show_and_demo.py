@@ -69,12 +69,12 @@ def test_the_overlay_shows_near_detail_in_red(world, tmp_path, capsys):
 
 @pytest.mark.gpu
 def test_a_window_opens_and_closes(world):
-    """A real window on a virtual screen, drawn for a second."""
+    """A real window on a virtual screen, drawn for some seconds."""
     if shutil.which("xvfb-run") is None:
         pytest.skip("NO VIRTUAL SCREEN: install xvfb to test windows")
-    for words, late in (([], 0.0), (["--display", "rostock", "--session", "A", "--overlay", "levels"], 0.3)):
+    for words, late in (([], 0.1), (["--display", "rostock", "--session", "A", "--overlay", "levels"], 0.3)):
         done = subprocess.run(
-            ["xvfb-run", "-a", *LIMEN, "show", str(world), *words, "--seconds", "2", "--json"],
+            ["xvfb-run", "-a", *LIMEN, "show", str(world), *words, "--seconds", "6", "--json"],
             capture_output=True, text=True, timeout=120, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr

@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["check_layout", "create_buffer", "wgsl_struct"]
+__all__ = ["check_layout", "wgsl_struct"]
 
 _SCALARS = {"f4": "f32", "i4": "i32", "u4": "u32"}
 _ALIGNMENT = {1: 4, 2: 8, 3: 16, 4: 16}
@@ -66,9 +65,3 @@ def _type_of(field: np.dtype[Any]) -> str:
         case (length, 4):
             return f"array<vec4<{scalar}>, {length}>"
     raise ValueError(f"no WGSL type for a field of shape {field.shape}")
-
-
-def create_buffer(device: Any, label: str, rows: NDArray[Any], usage: int) -> Any:
-    """A GPU buffer with a copy of ``rows``; one zero row if there is none, because WebGPU binds no empty buffer."""
-    data = rows if rows.size else np.zeros(1, dtype=rows.dtype)
-    return device.wgpu.create_buffer_with_data(label=label, data=np.ascontiguousarray(data), usage=usage)
