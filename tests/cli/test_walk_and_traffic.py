@@ -2,14 +2,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from PIL import Image as Picture
 
-from limen.cli import traffic as traffic_module
 from limen.cli.app import main
-from limen.data.pages import Pyramid
+from limen.data import sample_image
 from limen.track.replay import read_session
 
 
@@ -112,22 +111,25 @@ def test_a_session_of_another_display_is_remarked(short: Path, capsys: pytest.Ca
     json.loads(out.out)
 
 
-def test_traffic_of_an_image(short: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    image = SimpleNamespace(pyramid=Pyramid.of((40_000, 25_000)), mean_page_bytes=12_345.0)
-    monkeypatch.setattr(traffic_module, "_open", lambda path: image)
-    words = ("traffic", "mars.tif", "--display", "rostock", "--session", short, "--rate-hz", 1, "--json")
+def test_traffic_of_an_image(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    image = tmp_path / "world.tif"
+    sample_image(image, 0.01, aspect=1.6)
+    words = ("traffic", image, "--display", "rostock", "--session", short, "--rate-hz", 1, "--json")
     pages = []
-    for fit in ("contain", "one-to-one"):
+    for fit in ("contain", "one-to-one", "cover"):
         assert limen(*words, "--fit", fit, "--policy", "full") == 0
         found = answer(capsys)
-        assert (found["page_bytes"], found["image_px"]) == (12_345.0, [40_000, 25_000])
+        assert found["image_px"] == [4000, 2500]
+        assert 2_000 < found["page_bytes"] < 60_000
         pages.append(found["sessions"][0]["rows"][0]["pages_mean"])
-    assert pages[0] != pages[1]
+    assert pages[2] < pages[0] == 160, "all pages of 4000 x 2500 texels; less where the edges are cut off"
+    assert pages[1] == 160
     assert limen(*words, "--fit", "stretch") == 2
-    assert "no fit is named 'stretch'" in capsys.readouterr().err
-    monkeypatch.setattr(traffic_module, "_open", lambda path: SimpleNamespace())
-    assert limen(*words) == 2
-    assert "counts the pages of images" in capsys.readouterr().err
+    assert "stretch" in capsys.readouterr().err
+    picture = tmp_path / "grey.png"
+    Picture.new("L", (700, 300), 128).save(picture)
+    assert limen("traffic", picture, *words[2:], "--policy", "full") == 0
+    assert answer(capsys)["page_bytes"] > 0, "measured, though no page is stored"
 
 
 @pytest.mark.parametrize(

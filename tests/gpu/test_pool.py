@@ -12,9 +12,11 @@ from limen.data.pages import GUTTER, PAGE
 from limen.errors import DeviceLimitError
 from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.pool import PAGE_SIDE, PagePool
-from limen.stream import PAGE_BYTES, Upload
+from limen.stream import Upload
 
 pytestmark = pytest.mark.gpu
+
+PAGE_BYTES = (PAGE + 2 * GUTTER) ** 2 * 4
 
 
 def _counts() -> dict[str, int]:

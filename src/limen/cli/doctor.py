@@ -72,8 +72,6 @@ def doctor(*, common: Common = DEFAULT) -> None:
     """What this machine can do, what is missing, and the command that mends it.
 
     Exit code 0 if limen can draw here (to files, at least), 2 if not.
-
-    Example: limen doctor --json
     """
     out = Output(common)
     report = examine(list_adapters)

@@ -13,8 +13,6 @@ __all__ = ["info"]
 def info(file: Path, *, common: Common = DEFAULT) -> None:
     """What a file is: kind, size, levels, pages, colour.
 
-    Example: limen info mars.tif
-
     Parameters
     ----------
     file

@@ -15,8 +15,6 @@ def ingest(src: Path, dst: Path, *, quality: int = 90, subsampling: str = "444",
 
     Memory stays bounded for any size. DST appears only when it is complete.
 
-    Example: limen ingest mars.png mars.tif
-
     Parameters
     ----------
     src

@@ -25,8 +25,6 @@ def sample(
 ) -> None:
     """Make deterministic data: an imaginary map with detail at every scale.
 
-    Example: limen sample image map.tif --gigapixels 0.25
-
     Parameters
     ----------
     kind

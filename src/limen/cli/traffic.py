@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from limen.cli.arguments import chosen_panels
 from limen.cli.output import DEFAULT, Common, Output
+from limen.data.image import open_image
 from limen.display.display import Display
-from limen.errors import InputError
-
-if TYPE_CHECKING:
-    from limen.select.image import View
-    from limen.study.traffic import Report, Row, SessionTraffic
+from limen.placement import Fit, OnSurface
+from limen.select.image import View, view_of
+from limen.study import traffic as study
+from limen.study.plots import format_of, traffic_plot
+from limen.study.traffic import Report, Row, SessionTraffic
+from limen.track.walk import session_named
 
 __all__ = ["print_traffic", "traffic"]
 
@@ -32,7 +35,7 @@ def traffic(
     policy: _Words | None = None,
     acuity_arcmin: _Words | None = None,
     rate_hz: float = 30.0,
-    fit: str = "contain",
+    fit: Fit = "contain",
     per_node: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     common: Common = DEFAULT,
@@ -62,20 +65,14 @@ def traffic(
     plot
         Draw pages over time to this .png or .svg.
     """
-    from limen.study import traffic as study
-    from limen.track.walk import session_named
-
     out = Output(common)
-    whole = Display.named(display)
-    part = whole.select(panels) if panels else whole
+    whole, part = Display.named(display), chosen_panels(display, panels or [])
     policies = study.policies_of(policy or ["full", "acuity"], acuity_arcmin or ["1", "0.64", "0.5"])
     sessions = [session_named(name, whole) for name in session or ["A", "B", "C"]]
     for walked in sessions:
         if walked.display != whole.name:
             out.say(f"session '{walked.name}' was made for '{walked.display}', and is counted on '{whole.name}'")
     if plot is not None:
-        from limen.study.plots import format_of, traffic_plot
-
         format_of(plot)  # a wrong ending should not cost a minute of counting
     view, page_bytes = _view(content, part, fit)
     with out.progress("counting pages", study.frames_of(sessions, rate_hz)) as step:
@@ -90,24 +87,11 @@ def traffic(
     print_traffic(out, report)
 
 
-def _view(content: str, display: Display, fit: str) -> tuple[View, float]:
-    from limen.placement import OnSurface
-    from limen.select.image import view_of
-    from limen.study.traffic import PAPER_PAGE_BYTES, one_to_one_view, page_bytes_of
-
+def _view(content: str, display: Display, fit: Fit) -> tuple[View, float]:
     if content == ONE_TO_ONE:
-        return one_to_one_view(display), PAPER_PAGE_BYTES
-    placement = OnSurface(fit)  # type: ignore[arg-type]  # it checks the word itself, with a better message
-    image: Any = _open(content)
-    if not hasattr(image, "pyramid"):
-        raise InputError(f"{content}: traffic counts the pages of images, and this is none")
-    return view_of(display, image.pyramid, placement), page_bytes_of(image)
-
-
-def _open(path: str) -> Any:
-    import limen
-
-    return limen.open(path)
+        return study.one_to_one_view(display), study.PAPER_PAGE_BYTES
+    with open_image(content) as image:
+        return view_of(display, image.pyramid, OnSurface(fit)), study.page_bytes_of(image)
 
 
 def print_traffic(out: Output, report: Report) -> None:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from limen.cli.output import DEFAULT, Common, Output
 from limen.display.display import Display
+from limen.study.plots import format_of, walk_plot
+from limen.track.replay import write_session
+from limen.track.walk import heat_map, make_walk, plan_of
 
 __all__ = ["walk"]
 
@@ -24,8 +27,6 @@ def walk(
 ) -> None:
     """Make a session: people who walk between places of interest in front of a display.
 
-    Example: `limen walk --display reality-deck --seconds 60 --viewers 2 two.csv`
-
     Parameters
     ----------
     out
@@ -43,15 +44,10 @@ def walk(
     picture
         Also draw the heat map, the hotspots and the paths to this .png or .svg.
     """
-    from limen.track.replay import write_session
-    from limen.track.walk import heat_map, make_walk, plan_of
-
     output = Output(common)
     shown = Display.named(display)
     if picture is not None:
-        from limen.study.plots import format_of, walk_plot
-
-        format_of(picture)
+        format_of(picture)  # a wrong ending should leave no session behind
     session = make_walk(shown, seconds, seed, viewers, rate_hz, name=out.stem)
     write_session(out, session)
     if picture is not None:
