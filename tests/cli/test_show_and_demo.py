@@ -196,7 +196,7 @@ def test_a_window_without_a_screen_says_so(world):
 @pytest.mark.parametrize("words", [
     ("show", "{world}", "--display", "reality-deck", "--out", "{out}"),
     ("sample", "image", "{out}/big.tif", "--gigapixels", "1"),
-    ("traffic", "one-to-one", "--display", "reality-deck", "--session", "A"),
+    ("traffic", "one-to-one", "--display", "reality-deck", "--session", "A", "B", "C", "--rate-hz", "120"),
     ("demo", "--content", "{world}", "--out", "{out}"),
 ])  # fmt: skip
 def test_ctrl_c_ends_cleanly(words, world, tmp_path):
