@@ -146,20 +146,8 @@ class Renderer:
             self._layer.draw(
                 cut, drawable, tolerance, each, eye_m=eye_m, overlay=overlay, target=target, target_format=target_format
             )
-        drawn = time.perf_counter()
-        return FrameReport(
-            time_s=viewers[0].time_s if viewers else 0.0,
-            policy=policy.label,
-            panels_active=_active(cut, self.view),
-            pages=len(cut),
-            missing=update.statistics.missing,
-            uploads=len(update.uploads),
-            max_error_px=cut.error_px,
-            bias=cut.bias,
-            select_ms=(selected - begin) * 1e3,
-            stream_ms=(streamed - selected) * 1e3,
-            draw_ms=(drawn - streamed) * 1e3,
-        )
+        clock = (begin, selected, streamed, time.perf_counter())
+        return self._report(viewers, policy, cut, update.statistics.missing, len(update.uploads), clock)
 
     # ------------------------------------------------------------------ complete
 
@@ -180,20 +168,8 @@ class Renderer:
             streamed = time.perf_counter()
             texture = self._layer.draw(cut, drawable, tolerance, quilt, eye_m=eye_m, overlay=overlay)
             image = self._layer.read(texture)
-            drawn = time.perf_counter()
-            report = FrameReport(
-                time_s=viewers[0].time_s if viewers else 0.0,
-                policy=policy.label,
-                panels_active=_active(cut, self.view),
-                pages=len(cut),
-                missing=missing,
-                uploads=uploads,
-                max_error_px=cut.error_px,
-                bias=cut.bias,
-                select_ms=(selected - begin) * 1e3,
-                stream_ms=(streamed - selected) * 1e3,
-                draw_ms=(drawn - streamed) * 1e3,
-            )
+            clock = (begin, selected, streamed, time.perf_counter())
+            report = self._report(viewers, policy, cut, missing, uploads, clock)
             for name, picture in pieces(self.view.display, quilt, image).items():
                 yield name, picture, report
 
@@ -214,6 +190,31 @@ class Renderer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _report(
+        self,
+        viewers: Sequence[Viewer],
+        policy: Policy,
+        cut: Cut,
+        missing: int,
+        uploads: int,
+        clock_s: tuple[float, float, float, float],
+    ) -> FrameReport:
+        """``clock_s``: when the frame began, and when selecting, streaming and drawing were done."""
+        begin, selected, streamed, drawn = clock_s
+        return FrameReport(
+            time_s=viewers[0].time_s if viewers else 0.0,
+            policy=policy.label,
+            panels_active=_active(cut, self.view),
+            pages=len(cut),
+            missing=missing,
+            uploads=uploads,
+            max_error_px=cut.error_px,
+            bias=cut.bias,
+            select_ms=(selected - begin) * 1e3,
+            stream_ms=(streamed - selected) * 1e3,
+            draw_ms=(drawn - streamed) * 1e3,
+        )
 
     def _select_part(self, quilt: Quilt, tolerance: Tolerance, eye_m: tuple[float, float, float] | None) -> Cut:
         """The cut of one quilt's panels, numbered as in the whole display."""
