@@ -176,8 +176,7 @@ def run_live(
     say
         Told once what the keys do.
     """
-    device = open_device()
-    try:
+    with open_device() as device:
         canvas = open_canvas(device.wgpu, _SIZE, image.path.name)
         live = Live(device, image, display, tour, settings)
         live.pixel_ratio = canvas.pixel_ratio
@@ -193,5 +192,3 @@ def run_live(
         finally:
             live.close()
         return live.last
-    finally:
-        device.destroy()

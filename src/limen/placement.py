@@ -150,6 +150,20 @@ class OnShape:
         matrix[:3, 3] = -inverse @ np.array(self.origin_m)
         return matrix
 
+    def local_eye(self, eye_m: Vec3 | None) -> Floats:
+        """The eye point (the shape's own, else ``eye_m``) in the shape's frame, shape (3,).
+
+        Raises
+        ------
+        InputError
+            If there is neither.
+        """
+        eye = self.eye_m or eye_m
+        if eye is None:
+            raise InputError(f"an image on a {self.kind} needs an eye point: give the placement's eye_m or a viewer")
+        local = self.local_from_room()
+        return np.asarray(local[:3, :3] @ np.array(eye) + local[:3, 3])
+
 
 Placement: TypeAlias = OnSurface | OnShape
 

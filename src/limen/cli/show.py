@@ -137,29 +137,25 @@ def _write_frames(
     simulate: bool,
 ) -> Iterator[FrameRow]:
     shown = display if scale == 1.0 else display.scaled(scale)
-    device = open_device()
-    try:
-        with Renderer(device, shown, image, placement) as renderer:
-            total = len(moments) * len(display.panels)
-            with out.progress("drawing panels", total) as step:
-                for number, viewers in enumerate(moments):
-                    target = folder / f"frame-{number:04d}"
-                    cut = select(renderer.view, tolerance_of(viewers, policy))
-                    files, pictures, reports = [], {}, []
-                    drawn = renderer.pictures(viewers, policy, overlay="levels" if overlay else None)
-                    for name, picture, report in drawn:
-                        files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
-                        reports.append(report)
-                        if simulate:
-                            pictures[name] = _small(picture)
-                        step(1)
+    with open_device() as device, Renderer(device, shown, image, placement) as renderer:
+        total = len(moments) * len(display.panels)
+        with out.progress("drawing panels", total) as step:
+            for number, viewers in enumerate(moments):
+                target = folder / f"frame-{number:04d}"
+                cut = select(renderer.view, tolerance_of(viewers, policy))
+                files, pictures, reports = [], {}, []
+                drawn = renderer.pictures(viewers, policy, overlay="levels" if overlay else None)
+                for name, picture, report in drawn:
+                    files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
+                    reports.append(report)
                     if simulate:
-                        room = draw_room(display, pictures=pictures, viewers=viewers)
-                        files.append(str(write_picture(target / f"room.{suffix}", room)))
-                        files.append(str(write_picture(target / f"surface.{suffix}", draw_surface(display, pictures))))
-                    yield _summary(reports, len(cut), cut.error_px, files)
-    finally:
-        device.destroy()
+                        pictures[name] = _small(picture)
+                    step(1)
+                if simulate:
+                    room = draw_room(display, pictures=pictures, viewers=viewers)
+                    files.append(str(write_picture(target / f"room.{suffix}", room)))
+                    files.append(str(write_picture(target / f"surface.{suffix}", draw_surface(display, pictures))))
+                yield _summary(reports, len(cut), cut.error_px, files)
 
 
 def _small(picture: Any, width_px: int = 160) -> Any:

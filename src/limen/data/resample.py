@@ -13,7 +13,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["HALVING_TAPS", "LINEAR_OF_SRGB", "LOBES", "SRGB_OF_LINEAR", "lanczos", "resample", "weights"]
+__all__ = [
+    "HALVING_TAPS",
+    "LINEAR_OF_SRGB",
+    "LOBES",
+    "SRGB_OF_LINEAR",
+    "lanczos",
+    "linear_of_srgb",
+    "resample",
+    "weights",
+]
 
 LOBES = 2
 
@@ -21,7 +30,8 @@ Texels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 
-def _linear(code: NDArray[np.float64]) -> NDArray[np.float64]:
+def linear_of_srgb(code: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear light of sRGB codes, both 0 ... 1."""
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
@@ -29,7 +39,7 @@ def _srgb(light: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
-LINEAR_OF_SRGB: Floats = _linear(np.arange(256) / 255.0).astype(np.float32)
+LINEAR_OF_SRGB: Floats = linear_of_srgb(np.arange(256) / 255.0).astype(np.float32)
 """(256,) linear light 0..1 of an 8-bit sRGB code."""
 
 SRGB_OF_LINEAR: Texels = np.rint(_srgb(np.arange(65536) / 65535.0) * 255.0).astype(np.uint8)

@@ -192,6 +192,13 @@ class Display:
         corners = np.concatenate([panel.corners_m for panel in self.panels])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
+    @cached_property
+    def facing(self) -> Floats:
+        """Mean of the panels' normals weighted by area, shape (3,): length 1 for a flat wall, about 0 for a room."""
+        areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in self.panels])
+        normals = np.array([panel.normal for panel in self.panels])
+        return np.asarray((normals * areas[:, None]).sum(axis=0) / areas.sum())
+
     @property
     def pitch_m(self) -> float:
         """Distance between true pixels of the first panel, also in a preview of fewer pixels."""

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import colorsys
 import math
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.pages import PAGE, Pyramid
+from limen.data.resample import linear_of_srgb
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
-from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.placement import OnShape, PanelMaps
 from limen.select.cut import Cut
@@ -108,7 +108,7 @@ def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m
     placement = view.placement
     if isinstance(placement, OnShape):
         row["shape"], row["turn"] = 1 + shape_kind(placement), math.radians(placement.turn_deg)
-        row["eye"][0, :3] = _eye_in_shape(placement, eye_m)
+        row["eye"][0, :3] = placement.local_eye(eye_m)
     for name, value in fields.items():
         row[name] = value
     return row
@@ -130,7 +130,7 @@ def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
     if isinstance(view.placement, OnShape):
         local = view.placement.local_from_room()
         corner = view.display.nudged_origin_m[chosen] @ local[:3, :3].T + local[:3, 3]
-        rows["ray"][:, :3] = corner - _eye_in_shape(view.placement, eye_m)
+        rows["ray"][:, :3] = corner - view.placement.local_eye(eye_m)
         rows["ray_right"][:, :3] = (arrays.right * arrays.pitch_m[:, :1])[chosen] @ local[:3, :3].T
         rows["ray_down"][:, :3] = (arrays.down * arrays.pitch_m[:, 1:])[chosen] @ local[:3, :3].T
         return rows
@@ -161,7 +161,7 @@ def level_rows(pyramid: Pyramid) -> Rows:
     rows = np.zeros(len(pyramid.levels), LEVEL)
     for row, level in zip(rows, pyramid.levels, strict=True):
         row["columns"], row["rows"], row["first_page"] = level.columns, level.rows, level.first_page
-    rows["colour"][:, :3] = _linear(level_colours(len(rows)))
+    rows["colour"][:, :3] = linear_of_srgb(level_colours(len(rows)))
     rows["colour"][:, 3] = _OVERLAY_SHARE
     return rows
 
@@ -203,14 +203,6 @@ def page_table(drawable: Drawable) -> NDArray[np.uint32]:
     return np.where(drawable.slot < 0, _NO_PAGE, packed).astype(np.uint32)
 
 
-def _eye_in_shape(placement: OnShape, eye_m: Vec3 | None) -> Floats:
-    eye = placement.eye_m or eye_m
-    if eye is None:
-        raise InputError(f"an image on a {placement.kind} needs an eye point: give the placement's eye_m or a viewer")
-    local = placement.local_from_room()
-    return np.asarray(local[:3, :3] @ np.array(eye) + local[:3, 3])
-
-
 def _outline_edges(panel: Panel) -> Floats:
     """Lines (a, b, c) with ``a x + b y + c >= 0`` inside the outline, pixels; shape (edges, 3)."""
     corners: list[tuple[float, float]] = list(panel.outline_px)
@@ -224,7 +216,3 @@ def _outline_edges(panel: Panel) -> Floats:
         a, b = turn * (y0 - y1), turn * (x1 - x0)
         edges.append((a, b, -(a * x0 + b * y0)))
     return np.array(edges)
-
-
-def _linear(srgb: Any) -> Any:
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

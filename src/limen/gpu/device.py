@@ -55,6 +55,12 @@ class Device:
     def destroy(self) -> None:
         self.wgpu.destroy()
 
+    def __enter__(self) -> Device:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
 
 def open_device(*, prefer: str | None = None) -> Device:
     """Open the adapter.

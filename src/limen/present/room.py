@@ -173,9 +173,7 @@ def draw_quilts(display: Display, quilts: Sequence[Quilt], width_px: int = 1600)
 
 def _camera_for(display: Display, viewers: Sequence[Viewer], size_px: tuple[int, int]) -> Camera:
     """In front of a wall, above a room."""
-    areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in display.panels])
-    normals = np.array([panel.normal for panel in display.panels])
-    mean = (normals * areas[:, None]).sum(axis=0) / areas.sum()
+    mean = display.facing
     if np.linalg.norm(mean) > 0.5:
         azimuth, elevation = math.atan2(mean[0], mean[2]) + math.radians(28), math.radians(16)
     else:

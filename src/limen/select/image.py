@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
 from limen.display.display import Display
-from limen.errors import InputError
 from limen.geometry import Floats
 from limen.placement import OnShape, OnSurface, PanelMaps, Placement
 from limen.select import kernels
 from limen.select.cut import Cut
 from limen.tolerance import Tolerance
+from limen.vision.acuity import hidden_levels
 
 __all__ = [
     "Pairs",
@@ -141,16 +141,13 @@ def select_on_shape(
     """
     placement = view.placement
     assert isinstance(placement, OnShape)
-    eye = placement.eye_m or eye_m
-    if eye is None:
-        raise InputError(f"an image on a {placement.kind} needs an eye point: give the placement's eye_m or a viewer")
     arrays = view.display.arrays
     local = placement.local_from_room()
     closed = placement.kind != "plane" and placement.turn_deg == 360
     shape = kernels.Shape(
         shape_kind(placement),
         local,
-        local[:3, :3] @ np.array(eye) + local[:3, 3],
+        placement.local_eye(eye_m),
         math.radians(placement.turn_deg),
         np.array(view.pyramid.size_px, dtype=np.int64),
         float(view.pyramid.size_px[0]) if closed else 0.0,
@@ -196,8 +193,7 @@ def levels_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats)
     """
     assert view.maps is not None
     chosen = view.display.panels[panel]
-    allowed_px = tolerance.allowed_px(chosen.position_m(position_px), chosen.pitch_m[0])
-    hidden = np.frexp(np.maximum(allowed_px, 1.0))[1].astype(np.int64) - 1
+    hidden = hidden_levels(tolerance.allowed_px(chosen.position_m(position_px), chosen.pitch_m[0]))
     texel = position_px * view.maps.scale[panel] + view.maps.offset[panel]
     inside = ((texel >= 0) & (texel < np.array(view.pyramid.size_px))).all(axis=-1)
     levels = np.clip(view.maps.mip_level[panel] + hidden, 0, len(view.pyramid.levels) - 1)

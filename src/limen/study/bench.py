@@ -177,17 +177,11 @@ def _reading(quick: bool) -> list[Measured]:
 
 def _drawing(quick: bool) -> list[Measured]:
     """panels drawn, every page resident"""
-    device = open_device()
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "sample.tif"
-            sample_image(path, 0.02 if quick else 0.06)
-            with open_image(path) as image:
-                return [
-                    row for sampling in ("sharp", "fast") for row in _draw(device, image, sampling, 3 if quick else 9)
-                ]
-    finally:
-        device.destroy()
+    with open_device() as device, tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sample.tif"
+        sample_image(path, 0.02 if quick else 0.06)
+        with open_image(path) as image:
+            return [row for sampling in ("sharp", "fast") for row in _draw(device, image, sampling, 3 if quick else 9)]
 
 
 def _draw(device: Device, image: Image, kind: Sampling, repeats: int) -> list[Measured]:

@@ -32,7 +32,7 @@ from limen.select.image import levels_at, select, view_of
 from limen.study.moments import Moment, level_tints, telling_moments
 from limen.study.plots import traffic_picture
 from limen.study.report import Crop, Scene, Story, write_report
-from limen.study.traffic import Report, count_traffic, one_to_one_view, page_bytes_of, policies_of
+from limen.study.traffic import PAPER_PAGE_BYTES, Report, count_traffic, one_to_one_view, page_bytes_of, policies_of
 from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Session
 from limen.track.walk import session_named
@@ -101,10 +101,10 @@ def run_demo(content: Path | None, out: Path, watch: Watch, placement: OnSurface
     begin = time.perf_counter()
     display = Display.preset("reality-deck")
     session = session_named("A", display)
-    with _opened(content, watch) as image, _device() as device:
+    with _opened(content, watch) as image, open_device() as device:
         fit: Fit = "one-to-one" if content is None else "contain"
         tour = _Tour(device, display, image, placement or OnSurface(fit), session, out)
-        scenes = [tour.scene(moment, watch) for moment in tour.moments]
+        scenes = tour.scenes(watch)
         crops = tour.crops(scenes[0], watch)
         film = tour.film(watch)
         reports = [tour.traffic(watch), _papers_traffic(watch)]
@@ -137,10 +137,14 @@ class _Tour:
         self.moments = telling_moments(display, self.shown, session)
         self._previews: dict[str, Rgb] = {}
 
-    def scene(self, moment: Moment, watch: Watch) -> Scene:
-        """The room, the unrolled wall and the levels at one moment."""
-        number = len(self.written) // 3 + 1
-        previews = self._draw_previews(moment, watch)
+    def scenes(self, watch: Watch) -> list[Scene]:
+        """The room, the unrolled wall and the levels at every moment."""
+        small = self.display.scaled(_PREVIEW_SCALE)
+        with Renderer(self._device, small, self.image, self.placement) as renderer:
+            return [self._scene(number, moment, renderer, watch) for number, moment in enumerate(self.moments, 1)]
+
+    def _scene(self, number: int, moment: Moment, renderer: Renderer, watch: Watch) -> Scene:
+        previews = self._draw_previews(moment, renderer, watch)
         tolerance = tolerance_of(moment.viewers, self.policy)
         tints, counts = level_tints(self.view, tolerance, _TINT_CELLS)
         tinted = {name: _tinted(previews[name], tint) for name, tint in tints.items()}
@@ -200,13 +204,10 @@ class _Tour:
             counts = count_traffic(self.view, self.session, policies, advance=lambda: step(1))
         return Report(self.image.path.name, self.view, 30.0, page_bytes, False, (counts,))
 
-    def _draw_previews(self, moment: Moment, watch: Watch) -> dict[str, Rgb]:
-        small = self.display.scaled(_PREVIEW_SCALE)
+    def _draw_previews(self, moment: Moment, renderer: Renderer, watch: Watch) -> dict[str, Rgb]:
         pictures: dict[str, Rgb] = {}
-        with (
-            Renderer(self._device, small, self.image, self.placement) as renderer,
-            watch(f"drawing 416 panels: {moment.title.lower()}", len(small.panels)) as step,
-        ):
+        count = len(self.display.panels)
+        with watch(f"drawing {count} panels: {moment.title.lower()}", count) as step:
             for name, picture, _ in renderer.pictures(moment.viewers, self.policy):
                 pictures[name] = picture[..., :3].copy()
                 step(1)
@@ -247,16 +248,7 @@ def _papers_traffic(watch: Watch) -> Report:
         counts = tuple(
             count_traffic(view, walk, policies, rate_hz=rate_hz, advance=lambda: step(1)) for walk in sessions
         )
-    return Report("one-to-one", view, rate_hz, 9000.0, False, counts)
-
-
-@contextmanager
-def _device() -> Iterator[Device]:
-    device = open_device()
-    try:
-        yield device
-    finally:
-        device.destroy()
+    return Report("one-to-one", view, rate_hz, PAPER_PAGE_BYTES, False, counts)
 
 
 @contextmanager

@@ -23,8 +23,7 @@ class Moment(NamedTuple):
 
     title: str
     viewers: tuple[Viewer, ...]
-    nearest: int  # index of the panel nearest to the first viewer
-    distance_m: float
+    distance_m: float  # from the first viewer to the nearest panel
 
 
 def nearest_panel(display: Display, position_m: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -66,7 +65,7 @@ def telling_moments(display: Display, shown: NDArray[np.bool_], session: Session
         (middle, "In the middle"),
         (other, f"At the {grids[other]} wall"),
     )
-    return [Moment(title, viewers[at], int(nearest[at]), float(distance[at])) for at, title in chosen]
+    return [Moment(title, viewers[at], float(distance[at])) for at, title in chosen]
 
 
 def level_tints(

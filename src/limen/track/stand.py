@@ -17,9 +17,7 @@ def standing_viewer(display: Display) -> Viewer:
 
     Eyes are 1.7 m high, or at the middle of a display that is smaller than a person.
     """
-    areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in display.panels])
-    normals = np.array([panel.normal for panel in display.panels])
-    facing = (normals * areas[:, None]).sum(axis=0) / areas.sum()
+    facing = display.facing
     low, high = display.bounds_m
     middle = (low + high) / 2
     strength = float(np.linalg.norm(facing))
@@ -29,6 +27,7 @@ def standing_viewer(display: Display) -> Viewer:
         place = middle + facing / strength * distance
         look = -facing
     else:
+        normals = np.array([panel.normal for panel in display.panels])
         outward = float(np.sum(normals * (np.array([panel.centre_m for panel in display.panels]) - middle)))
         first = display.panels[len(display.panels) // 2]
         place = middle if outward <= 0 else first.centre_m + np.array(first.normal) * 1.0

@@ -18,7 +18,7 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.units import arcmin_to_rad
 
-__all__ = ["HUMAN_ARCMIN", "SNELLEN_ARCMIN", "acuity_from", "acuity_level", "optimal_distance_m"]
+__all__ = ["HUMAN_ARCMIN", "SNELLEN_ARCMIN", "acuity_from", "acuity_level", "hidden_levels", "optimal_distance_m"]
 
 SNELLEN_ARCMIN = 1.0
 """20/20 vision: one sample an arcminute, the papers' limit."""
@@ -64,6 +64,12 @@ def optimal_distance_m(pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN) ->
     return pitch_m / math.tan(arcmin_to_rad(acuity_arcmin))
 
 
+def hidden_levels(tolerance_px: Floats) -> NDArray[np.int64]:
+    """``floor(max(0, log2 t))``: levels that a tolerance of ``t`` pixels hides; any shape."""
+    # frexp gives floor(log2) exactly; log2 itself may round up to the next integer.
+    return np.asarray(np.frexp(np.maximum(tolerance_px, 1.0))[1].astype(np.int64) - 1)
+
+
 @overload
 def acuity_level(distance_m: float, pitch_m: float, acuity_arcmin: float = ...) -> int: ...
 @overload
@@ -87,6 +93,5 @@ def acuity_level(
     (2, 1)
     """
     ratio = np.asarray(distance_m, dtype=float) / optimal_distance_m(pitch_m, acuity_arcmin)
-    # frexp gives floor(log2) exactly; log2 itself may round up to the next integer.
-    levels = np.frexp(np.maximum(ratio, 1.0))[1].astype(np.int64) - 1
+    levels = hidden_levels(ratio)
     return int(levels) if levels.ndim == 0 else levels
