@@ -22,6 +22,7 @@ from limen.gpu.pool import PagePool
 from limen.gpu.shader import load_shader
 from limen.placement import OnShape
 from limen.select.cut import Cut
+from limen.select.detail import Detail
 from limen.select.image import View
 from limen.stream import Drawable
 from limen.tolerance import Tolerance
@@ -40,8 +41,12 @@ _OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2}
 _BLACK = (0.0, 0.0, 0.0, 0.0)
 
 _FLAT_BINDINGS = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear")
-_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear")
-_NUMBERS = {"frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7}
+_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer")
+_NUMBERS = {
+    "frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7, "finer": 9,
+}  # fmt: skip
+_ADD = {"src_factor": "one", "dst_factor": "one", "operation": "add"}
+"""Levels that blend into each other are drawn one after the other; their shares of a pixel add up to one."""
 
 
 class ImageLayer:
@@ -70,13 +75,15 @@ class ImageLayer:
         self._static_rows: dict[Quilt, records.Rows] = {}
         storage = wgpu.BufferUsage.STORAGE
         self._buffers = {
-            name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "quads", "table", "levels")
+            name: GrowingBuffer(device, name, storage)
+            for name in ("panels", "eyes", "quads", "table", "levels", "finer")
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._reader = TextureReader(device)
         self._table_of: Drawable | None = None
+        self._detail: Detail | None = None
         self._bind_group: Any = None
         self._bound: tuple[int, ...] = ()
 
@@ -170,6 +177,9 @@ class ImageLayer:
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
         if self._bent:
+            if cut.detail is not self._detail:
+                buffers["finer"].write(records.log2_tau(cut.detail.tau).astype(np.float32))
+                self._detail = cut.detail
             if drawable is not self._table_of:
                 buffers["table"].write(records.page_table(drawable))
                 self._table_of = drawable
@@ -221,6 +231,9 @@ class ImageLayer:
         key = (target_format, overlay)
         if key not in self._pipelines:
             kind = "bent" if self._bent else "flat"
+            colours: dict[str, Any] = {"format": target_format}
+            if overlay != "exact":
+                colours["blend"] = {"color": _ADD, "alpha": {**_ADD, "operation": "max"}}
             constants = {"KERNEL": self._kernel, "OVERLAY": _OVERLAYS[overlay]}
             self._pipelines[key] = self._device.wgpu.create_render_pipeline(
                 label=f"image {kind}",
@@ -231,7 +244,7 @@ class ImageLayer:
                     "module": self._shader,
                     "entry_point": f"{kind}_fragment",
                     "constants": constants,
-                    "targets": [{"format": target_format}],
+                    "targets": [colours],
                 },
             )
         return self._pipelines[key]

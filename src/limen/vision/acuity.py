@@ -18,13 +18,25 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.units import arcmin_to_rad
 
-__all__ = ["HUMAN_ARCMIN", "SNELLEN_ARCMIN", "acuity_from", "acuity_level", "hidden_levels", "optimal_distance_m"]
+__all__ = [
+    "ECCENTRICITY_PER_DEG",
+    "HUMAN_ARCMIN",
+    "SNELLEN_ARCMIN",
+    "acuity_from",
+    "acuity_level",
+    "eccentricity_scale",
+    "hidden_levels",
+    "optimal_distance_m",
+]
 
 SNELLEN_ARCMIN = 1.0
 """20/20 vision: one sample an arcminute, the papers' limit."""
 
 HUMAN_ARCMIN = 0.64
 """60 / 94: the median of what 18 observers resolved in the fovea (Ashraf et al. 2025); limen's default."""
+
+ECCENTRICITY_PER_DEG = 0.160080
+"""cR of Ashraf et al. 2025: by how much the smallest visible angle grows with each degree from the gaze."""
 
 _NAMED = {"snellen": SNELLEN_ARCMIN, "human": HUMAN_ARCMIN}
 
@@ -44,6 +56,17 @@ def acuity_from(text: str | float) -> float:
     if not 0 < value <= 600:
         raise InputError(f"an acuity must lie above 0 and at most at 600 arcminutes, got {text}")
     return value
+
+
+def eccentricity_scale(eccentricity_deg: Floats) -> Floats:
+    """How many times larger than in the fovea a detail may be, away from the gaze: ``1 + cR e``; any shape.
+
+    Ashraf, Chapiro, Mantiuk 2025; measured to 20 degrees, beyond that extrapolated.
+
+    >>> float(eccentricity_scale(10.0).round(4))
+    2.6008
+    """
+    return 1 + ECCENTRICITY_PER_DEG * np.asarray(eccentricity_deg, dtype=float)
 
 
 def optimal_distance_m(pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN) -> float:

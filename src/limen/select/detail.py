@@ -1,0 +1,104 @@
+"""When a page's finer detail is seen: the one number a page that every policy comes down to.
+
+A pixel's tolerance, counted in texels of full resolution, is ``T``. Page ``Q`` is replaced by the four finer pages
+below it where ``T`` is less than ``tau(Q)``. If all that counts is how small a texel is, ``tau = 2**level``; where what
+the next finer level adds is faint, ``tau`` is less. The coarser page does not take over at once but gradually, from
+``tau / 2**BLEND_LEVELS`` to ``tau``, so that no pixel's level changes from one frame to the next.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from limen.data.pages import Pyramid
+from limen.geometry import Floats
+
+__all__ = ["BLEND_LEVELS", "Detail", "level_shares", "plain_detail", "reduced_detail"]
+
+BLEND_LEVELS = 0.125
+"""Width of the blend between two levels, in octaves of tolerance.
+
+Whoever walks at 1.25 m/s past the place where levels change, 2.5 m or farther from the wall, sees a change last 0.17 s: at
+that pace (3 Hz) eyes are no more sensitive to it than to a picture that stands still. Up to 0.29 the blend hides what a hard change at its end would hide: the contrast that is lost grows with its share, and
+the eye's sensitivity falls faster over the same octaves (10 ** (0.0439 rho), Ashraf et al. 2025)."""
+
+
+class Detail(NamedTuple):
+    """For every page of a pyramid: below which tolerance its finer detail is seen.
+
+    ``tau`` is in texels of full resolution, shape (pages,); 0 where nothing finer exists or is to be seen. A page's is
+    never less than any of its four finer pages'. ``least`` is the smallest of each level.
+    """
+
+    tau: Floats
+    least: Floats
+
+
+def plain_detail(pyramid: Pyramid) -> Detail:
+    """What is finer than the tolerance is not seen, whatever it shows."""
+    tau = np.concatenate([np.full(level.page_count, 2.0**number) for number, level in enumerate(pyramid.levels)])
+    return _nested(pyramid, tau)
+
+
+def reduced_detail(pyramid: Pyramid, share: Floats) -> Detail:
+    """Faint detail is not seen either.
+
+    Parameters
+    ----------
+    share
+        For every page the highest frequency at which what the next finer level adds to it is visible, over the highest
+        frequency visible at full contrast: 0 ... 1, shape (pages,).
+    """
+    return _nested(pyramid, plain_detail(pyramid).tau * np.clip(share, 0.0, 1.0))
+
+
+def _nested(pyramid: Pyramid, tau: Floats) -> Detail:
+    """A page under which finer pages are needed is itself needed as their parent."""
+    tau = tau.copy()
+    base = pyramid.levels[0]
+    tau[: base.page_count] = 0.0
+    for fine, coarse in zip(pyramid.levels[1:], pyramid.levels[2:], strict=False):
+        below = np.zeros((2 * coarse.rows, 2 * coarse.columns))
+        below[: fine.rows, : fine.columns] = _grid(tau, fine.first_page, fine.rows, fine.columns)
+        finest = below.reshape(coarse.rows, 2, coarse.columns, 2).max(axis=(1, 3))
+        own = _grid(tau, coarse.first_page, coarse.rows, coarse.columns)
+        np.maximum(own, finest, out=own)
+    least = np.array([tau[level.first_page : level.first_page + level.page_count].min() for level in pyramid.levels])
+    return Detail(tau, least)
+
+
+def _grid(values: Floats, first: int, rows: int, columns: int) -> Floats:
+    return values[first : first + rows * columns].reshape(rows, columns)
+
+
+def level_shares(pyramid: Pyramid, detail: Detail, texel: Floats, tolerance: Floats) -> Floats:
+    """How much of each level is drawn at places of an image: the definition, in plain NumPy.
+
+    Parameters
+    ----------
+    texel
+        Places in texels of full resolution, shape (..., 2), all inside the image.
+    tolerance
+        In texels of full resolution, shape (...).
+
+    Returns
+    -------
+    Shares of shape (levels, ...), which sum to 1. The finest level is drawn without regard to the pixels' size: the
+    caller moves the share of levels finer than the pixels to the finest that pixels can show.
+    """
+    with np.errstate(divide="ignore"):  # log2(0): full detail, or none at all
+        x = np.log2(np.asarray(tolerance, dtype=float))
+        ramps = [np.zeros(np.shape(x))]
+        for number, level in enumerate(pyramid.levels[1:], start=1):
+            column, row = (
+                np.minimum(texel[..., axis] // (256 * 2.0**number), most - 1).astype(np.int64)
+                for axis, most in ((0, level.columns), (1, level.rows))
+            )
+            edge = np.log2(detail.tau[level.first_page + row * level.columns + column])
+            with np.errstate(invalid="ignore"):
+                ramp = np.clip((edge - x) / BLEND_LEVELS, 0.0, 1.0)
+            ramps.append(np.where(np.isneginf(edge), 0.0, ramp))
+    ramps.append(np.ones(np.shape(x)))
+    return np.diff(np.array(ramps), axis=0)
