@@ -6,7 +6,6 @@ texels of level ``l`` span exactly ``2**l`` base texels.
 
 from __future__ import annotations
 
-import os
 import tempfile
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -17,12 +16,13 @@ from numpy.typing import NDArray
 
 from limen.data.bigtiff import BigTiffWriter, TileCoder
 from limen.data.kernels import HALO, halve_rows
+from limen.data.machine import worker_count
 from limen.data.pages import PAGE, Pyramid
 from limen.data.partial import is_disk_full
 from limen.data.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import StorageError
 
-__all__ = ["PyramidWriter", "worker_count"]
+__all__ = ["PyramidWriter"]
 
 Texels = NDArray[np.uint8]
 
@@ -32,11 +32,6 @@ _KEPT = 8
 _HALVED_COLUMNS = 1024
 _TILES_PER_TASK = 8
 _LARGEST_ROWS_IN_MEMORY_BYTES = 192 << 20
-
-
-def worker_count() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class PyramidWriter:
