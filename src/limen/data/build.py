@@ -73,7 +73,8 @@ def ingest(
 ) -> IngestReport:
     """Write ``src`` as a pyramidal BigTIFF ``dst``: tiles of 256, JPEG (deflate where there is opacity), sRGB.
 
-    Embedded colour profiles are applied. ``progress`` is called with the fraction done, 0..1. ``dst`` appears, or is
+    Embedded colour profiles are applied. The contrast of the pages (:mod:`limen.data.contrast`) is written beside
+    ``dst``. ``progress`` is called with the fraction done, 0..1. ``dst`` appears, or is
     replaced, only when all is written; on any error nothing is left behind. Raises MissingFileError, FormatError
     (``src`` cannot be read, or only in part), InputError (``dst`` is ``src``, or no .tif), StorageError.
     """
@@ -87,13 +88,11 @@ def ingest(
         source = _open_source(src, stack, pool)
         stack.enter_context(closing(source.rows))
         coder = JpegTiles(quality, subsampling) if source.bands == 3 else DeflateTiles()
-        with PyramidWriter(dst, source.size_px, coder, workers=workers) as writer:
+        with PyramidWriter(dst, source.size_px, coder, workers=workers, progress=progress) as writer:
             done = 0
             for rows in stack.enter_context(closing(_ahead(source.rows))):
                 writer.push(rows)
                 done += rows.shape[0]
-                if progress is not None:
-                    progress(done / source.size_px[1])
             if done != source.size_px[1]:
                 raise FormatError(f"{src}: ends after {done} of {source.size_px[1]} rows; copy it again")
     width, height = source.size_px
