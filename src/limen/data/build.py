@@ -74,9 +74,9 @@ def ingest(
     """Write ``src`` as a pyramidal BigTIFF ``dst``: tiles of 256, JPEG (deflate where there is opacity), sRGB.
 
     Embedded colour profiles are applied. The contrast of the pages (:mod:`limen.data.contrast`) is written beside
-    ``dst``. ``progress`` is called with the fraction done, 0..1. ``dst`` appears, or is
-    replaced, only when all is written; on any error nothing is left behind. Raises MissingFileError, FormatError
-    (``src`` cannot be read, or only in part), InputError (``dst`` is ``src``, or no .tif), StorageError.
+    ``dst``. ``progress`` is called with the fraction done, 0..1. ``dst`` appears, or is replaced, only when all is
+    written; on any error nothing is left behind. Raises MissingFileError, FormatError (``src`` cannot be read, or only
+    in part), InputError (``dst`` is ``src``, or no .tif), StorageError.
     """
     src, dst = existing_file(src), Path(dst)
     _check_target(src, dst)

@@ -27,6 +27,7 @@ __all__ = [
     "UNKNOWN",
     "PageBytes",
     "byte_of_contrast",
+    "faint_shares",
     "read_contrast",
     "sidecar_of",
     "write_contrast",
@@ -122,6 +123,19 @@ def write_contrast(path: Path, pyramid: Pyramid, pages: PageBytes) -> Path | Non
             problem = str(error)
     _log.warning("%s: the contrast of its pages cannot be kept (%s); it is found anew next time", path, problem)
     return None
+
+
+def faint_shares(path: Path, pyramid: Pyramid, contrast: float = 0.01) -> list[float] | None:
+    """The share of pages, at each level but the finest, whose byte stands for no more than ``contrast``.
+
+    None where the bytes of the image file ``path`` are not stored, or not all.
+    """
+    pages = read_contrast(path, pyramid)
+    if pages is None or not pages.complete:
+        return None
+    faint = pages.bytes <= int(np.searchsorted(CONTRAST_OF_BYTE, contrast, side="right")) - 1
+    spans = [slice(level.first_page, level.first_page + level.page_count) for level in pyramid.levels[1:]]
+    return [round(float(faint[span].mean()), 4) for span in spans]
 
 
 def _in_cache(path: Path) -> Path:
