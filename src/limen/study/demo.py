@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -19,6 +17,7 @@ from PIL import Image as Picture
 
 from limen.data import ingest, sample_image
 from limen.data.image import Image, open_image
+from limen.data.machine import cache_folder
 from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.errors import NeedsIngestError
@@ -38,7 +37,7 @@ from limen.track.session import Session
 from limen.track.walk import session_named
 from limen.units import arcmin_to_rad
 
-__all__ = ["DemoResult", "Watch", "cache_folder", "run_demo"]
+__all__ = ["DemoResult", "Watch", "run_demo"]
 
 Rgb = NDArray[np.uint8]
 
@@ -65,18 +64,6 @@ class DemoResult:
     pictures: list[Path]
     traffic: list[Report]
     seconds: float
-
-
-def cache_folder() -> Path:
-    """Where what can be made again is kept: ``$XDG_CACHE_HOME/limen``, or else a temporary folder."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    wanted = Path(base) / "limen" if base else Path("~/.cache/limen").expanduser()
-    try:
-        wanted.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        wanted = Path(tempfile.gettempdir()) / f"limen-cache-{os.getuid() if hasattr(os, 'getuid') else 0}"
-        wanted.mkdir(parents=True, exist_ok=True)
-    return wanted
 
 
 def run_demo(content: Path | None, out: Path, watch: Watch, placement: OnSurface | None = None) -> DemoResult:
