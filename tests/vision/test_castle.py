@@ -63,7 +63,7 @@ MEASURED = {
 
 
 def test_people_saw_what_it_predicts_in_every_direction_of_colour():
-    """Means of up to three observers (data set 'colorfest' of the authors' repository, MIT): 40 cd/m2, 0.785 deg2, fovea.
+    """Means of up to three observers: data set 'colorfest' of the authors' repository (MIT), fovea, 40 cd/m2.
 
     The model was fitted to these data among others; a wrong constant, matrix or sum would still miss them by far.
     """
