@@ -233,10 +233,9 @@ def _gain_offset_gamma(code: NDArray[np.int64], light: Floats) -> Floats:
         bright = np.maximum(gain * place + 1 - gain, 0.0) ** gamma - max(1 - gain, 0.0) ** gamma
         return np.asarray(most * bright)
 
+    def miss(parameters: Floats) -> Floats:
+        return curve(parameters, code / 255) - light / size
+
     size = light[-1]
-    fitted = least_squares(
-        lambda p: curve(p, code / 255) - light / size,
-        x0=(1.0, 1.0, 2.2),
-        bounds=((0.5, 0.5, 0.5), (2.0, 1.5, 5.0)),
-    ).x
+    fitted = least_squares(miss, x0=(1.0, 1.0, 2.2), bounds=((0.5, 0.5, 0.5), (2.0, 1.5, 5.0))).x
     return np.maximum.accumulate(size * curve(fitted, np.arange(256) / 255))
