@@ -111,6 +111,7 @@ def test_display_lists_draws_and_converts(tmp_path, capsys):
     assert report["name"] == "rostock"
     assert report["total_px"] == 24 * 1920 * 1200
     assert {"name", "size_px", "size_m", "pitch_m", "optimal_distance_m"} <= set(report["panels"][0])
+    assert {panel["luminance_cd_m2"] for panel in report["panels"]} == {100}
     assert np.asarray(Picture.open(tmp_path / "room.png")).std() > 5
     assert limen("display", "rostock", "--quilt", "--picture", tmp_path / "quilt.png", "--json") == 0
     quilts = json.loads(capsys.readouterr().out)["quilts"]
