@@ -45,7 +45,7 @@ class SensitivityTables:
 
 
 def sensitivity_tables() -> SensitivityTables:
-    """The tables for ``sensitivity.wgsl``; the same numbers every time, in about a millisecond.
+    """The tables for ``sensitivity.wgsl``; the same numbers every time.
 
     With them the shader's ``sensitivity`` (frequency, eccentricity, luminance, flicker, area) stays within 0.06 % of
     `limen.sensitivity`, and its ``resolution_cpd`` within 0.02 % of `limen.resolution_cpd`, over the whole range of the
