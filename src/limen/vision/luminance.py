@@ -222,7 +222,7 @@ def _checked_readings(path: Path, name: str, rows: _Rows, fit: str) -> tuple[NDA
 
 def _spline(code: NDArray[np.int64], light: Floats) -> Floats:
     curve = np.asarray(PchipInterpolator(code, light)(np.arange(256)), dtype=float)
-    return np.maximum.accumulate(np.maximum(curve, 0.0))  # rounding may fall by 1e-16
+    return np.asarray(np.maximum.accumulate(np.maximum(curve, 0.0)))  # rounding may fall by 1e-16
 
 
 def _gain_offset_gamma(code: NDArray[np.int64], light: Floats) -> Floats:
@@ -234,8 +234,8 @@ def _gain_offset_gamma(code: NDArray[np.int64], light: Floats) -> Floats:
         return np.asarray(most * bright)
 
     def miss(parameters: Floats) -> Floats:
-        return curve(parameters, code / 255) - light / size
+        return np.asarray(curve(parameters, code / 255) - light / size)
 
     size = light[-1]
     fitted = least_squares(miss, x0=(1.0, 1.0, 2.2), bounds=((0.5, 0.5, 0.5), (2.0, 1.5, 5.0))).x
-    return np.maximum.accumulate(size * curve(fitted, np.arange(256) / 255))
+    return np.asarray(np.maximum.accumulate(size * curve(fitted, np.arange(256) / 255)))

@@ -1,8 +1,8 @@
 """What ``sensitivity.wgsl`` reads: castleCSF's achromatic mechanism as two tables of 32 x 32 numbers.
 
-Gain and log-parabola of the sustained and the transient channel are smooth in log frequency and log luminance, so a cubic
-through four neighbours is all but exact; truncation, area, time and eccentricity are formulae in the shader. A table over
-all of them at once would be megabytes, and 8 % off.
+Gain and log-parabola of the sustained and the transient channel are smooth in log frequency and log luminance, so a
+cubic through four neighbours is all but exact; truncation, area, time and eccentricity are formulae in the shader. A
+table over all of them at once would be megabytes, and 8 % off.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class SensitivityTables:
 
 
 def sensitivity_tables() -> SensitivityTables:
-    """The tables for ``sensitivity.wgsl``; the same numbers every time, in about a millisecond.
+    """The tables for ``sensitivity.wgsl``; the same numbers every time.
 
     With them the shader's ``sensitivity`` (frequency, eccentricity, luminance, flicker, area) stays within 0.06 % of
     `limen.sensitivity`, and its ``resolution_cpd`` within 0.02 % of `limen.resolution_cpd`, over the whole range of the
