@@ -14,15 +14,18 @@ import numpy as np
 
 from limen.data.pages import Pyramid
 from limen.geometry import Floats
+from limen.vision.resolution import resolution_cpd
+from limen.vision.visible import visible_cpd
 
-__all__ = ["BLEND_LEVELS", "Detail", "level_shares", "plain_detail", "reduced_detail"]
+__all__ = ["BLEND_LEVELS", "Detail", "contrast_detail", "level_shares", "plain_detail", "reduced_detail"]
 
 BLEND_LEVELS = 0.125
 """Width of the blend between two levels, in octaves of tolerance.
 
-Whoever walks at 1.25 m/s past the place where levels change, 2.5 m or farther from the wall, sees a change last 0.17 s: at
-that pace (3 Hz) eyes are no more sensitive to it than to a picture that stands still. Up to 0.29 the blend hides what a hard change at its end would hide: the contrast that is lost grows with its share, and
-the eye's sensitivity falls faster over the same octaves (10 ** (0.0439 rho), Ashraf et al. 2025)."""
+For someone who walks at 1.25 m/s toward a wall 2.5 m away, where levels change, a change lasts 0.17 s: at that pace
+(3 Hz) eyes are no more sensitive to it than to a picture that stands still. Up to 0.29 the blend hides what a hard
+change at its end would hide: the contrast that is lost grows with its share, and the eye's sensitivity falls faster
+over the same octaves (10 ** (0.0439 rho), Ashraf et al. 2025)."""
 
 
 class Detail(NamedTuple):
@@ -52,6 +55,25 @@ def reduced_detail(pyramid: Pyramid, share: Floats) -> Detail:
         frequency visible at full contrast: 0 ... 1, shape (pages,).
     """
     return _nested(pyramid, plain_detail(pyramid).tau * np.clip(share, 0.0, 1.0))
+
+
+def contrast_detail(pyramid: Pyramid, contrast: Floats, luminance_cd_m2: Floats) -> Detail:
+    """What is too faint to be seen at any of some panels' luminances is not seen.
+
+    The eye's falloff with eccentricity is that of people's resolution for every contrast: castleCSF's is steeper, so
+    detail is not dropped too early anywhere.
+
+    Parameters
+    ----------
+    contrast
+        The largest contrast of what the next finer level adds to each page, 0 ... 1, shape (pages,).
+    luminance_cd_m2
+        Of the panels' white, any shape.
+    """
+    grades, grade_of = np.unique(contrast, return_inverse=True)
+    light = np.unique(luminance_cd_m2)
+    shares = visible_cpd(grades[:, None], 0.0, light) / resolution_cpd(0.0, light)
+    return reduced_detail(pyramid, shares.max(axis=1)[grade_of])
 
 
 def _nested(pyramid: Pyramid, tau: Floats) -> Detail:

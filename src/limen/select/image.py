@@ -26,7 +26,7 @@ from limen.select import kernels
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS, Detail, level_shares, plain_detail
 from limen.tolerance import Tolerance
-from limen.vision.acuity import ECCENTRICITY_PER_DEG
+from limen.vision.resolution import ECCENTRICITY_PER_DEG, luminance_scale
 
 __all__ = [
     "Pairs",
@@ -59,7 +59,7 @@ class View(NamedTuple):
 def view_of(display: Display, pyramid: Pyramid, placement: Placement, detail: Detail | None = None) -> View:
     """``detail`` tells where finer pages are seen; by default wherever the tolerance is finer than a page's texels."""
     maps = placement.panel_maps(display, pyramid.size_px) if isinstance(placement, OnSurface) else None
-    sharpness = np.ones(len(display.panels))
+    sharpness = 1 / luminance_scale([panel.luminance_cd_m2 for panel in display.panels])
     return View(display, pyramid, placement, maps, detail or plain_detail(pyramid), sharpness)
 
 

@@ -24,6 +24,7 @@ _MIP_SLACK = 2e-2
 _MIN_CELL_PX = 16.0
 _FIRST_CELL_PX = 256.0
 _STACK = 256
+_PARTS = 4
 _ALMOST_ONE = 1.0 - 1e-12
 
 
@@ -134,6 +135,27 @@ def _is_drawn(pages, level, column, row, finest, low, high):
 
 
 @njit(cache=True, nogil=True)
+def _drawn_in(rect, pages, level, column, row, finest, texels, seen):
+    """Whether some pixel in a rectangle of the panel (metres) draws a page.
+
+    The bounds of the tolerance over all of it may be wide, so where they alone say yes its sixteen parts are asked.
+    """
+    x0, y0, x1, y1 = rect
+    least, most = _rect_tolerance(x0, y0, x1, y1, seen)
+    if not _is_drawn(pages, level, column, row, finest, least * texels, most * texels):
+        return False
+    if _is_drawn(pages, level, column, row, finest, most * texels, least * texels):
+        return True  # all of its pixels do
+    dx, dy = (x1 - x0) / _PARTS, (y1 - y0) / _PARTS
+    for part in range(_PARTS * _PARTS):
+        left, above = x0 + dx * (part % _PARTS), y0 + dy * (part // _PARTS)
+        least, most = _rect_tolerance(left, above, left + dx, above + dy, seen)
+        if _is_drawn(pages, level, column, row, finest, least * texels, most * texels):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_out, page_out, area_out):
     """Every (panel, page) that some pixel needs, for images on the display's surface.
 
@@ -179,12 +201,9 @@ def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_ou
                     i1 = min(width, math.ceil((min((c + 1) * span, image_px[0]) - ox) / sx - 0.5 + _EDGE_PX)) - 1
                     if i0 > i1:
                         continue
-                    if len(seen):
-                        least, most = _rect_tolerance(
-                            (i0 + 0.5) * px, (j0 + 0.5) * py, (i1 + 0.5) * px, (j1 + 0.5) * py, seen
-                        )
-                        if not _is_drawn(pages, level, c, r, finest, least * texels, most * texels):
-                            continue
+                    rect = ((i0 + 0.5) * px, (j0 + 0.5) * py, (i1 + 0.5) * px, (j1 + 0.5) * py)
+                    if len(seen) and not _drawn_in(rect, pages, level, c, r, finest, texels, seen):
+                        continue
                     if count < len(panel_out):
                         panel_out[count] = p
                         page_out[count] = pages.first[level] + r * pages.columns[level] + c
