@@ -27,7 +27,7 @@ from limen.placement import OnShape, OnSurface, Placement
 from limen.select.cut import Cut
 from limen.select.detail import Detail, contrast_detail
 from limen.select.image import View, select, view_of
-from limen.stream import Drawable, Stream
+from limen.stream import Drawable, PageTable, Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
 from limen.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN
@@ -142,7 +142,7 @@ class Renderer:
         selected = time.perf_counter()
         soon = select_ahead(view, policy, viewers, self._earlier, LOOKAHEAD_S)
         self._earlier = tuple(viewers)
-        update = self._stream.update(cut.pages, soon=soon)
+        update = self._stream.update(cut.pages, soon=soon, now_s=begin)
         drawable = self._drawable(cut)
         streamed = time.perf_counter()
         self._pool.write(update.uploads)
@@ -251,11 +251,9 @@ class Renderer:
                 return update.statistics.missing, uploaded
             self._stream.wait()
 
-    def _drawable(self, cut: Cut) -> Drawable:
+    def _drawable(self, cut: Cut) -> Drawable | PageTable:
         return (
-            self._stream.all_drawable()
-            if isinstance(self.view.placement, OnShape)
-            else self._stream.drawable(cut.pair_page)
+            self._stream.table() if isinstance(self.view.placement, OnShape) else self._stream.drawable(cut.pair_page)
         )
 
 

@@ -24,7 +24,7 @@ from limen.placement import OnShape
 from limen.select.cut import Cut
 from limen.select.detail import Detail
 from limen.select.image import View
-from limen.stream import Drawable
+from limen.stream import Drawable, PageTable
 from limen.tolerance import Tolerance
 
 __all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "ImageLayer", "Overlay", "Sampling"]
@@ -82,7 +82,7 @@ class ImageLayer:
         self._buffers["levels"].write(records.level_rows(view.pyramid))
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._reader = TextureReader(device)
-        self._table_of: Drawable | None = None
+        self._table_of: PageTable | None = None
         self._detail: Detail | None = None
         self._bind_group: Any = None
         self._bound: tuple[int, ...] = ()
@@ -97,7 +97,7 @@ class ImageLayer:
     def draw(
         self,
         cut: Cut,
-        drawable: Drawable,
+        drawable: Drawable | PageTable,
         tolerance: Tolerance,
         quilt: Quilt,
         *,
@@ -113,7 +113,7 @@ class ImageLayer:
         cut
             What the selector chose for the same view and tolerance.
         drawable
-            ``stream.drawable(cut.pair_page)`` for an image on the surface, ``stream.all_drawable()`` for one on a
+            ``stream.drawable(cut.pair_page)`` for an image on the surface, ``stream.table()`` for one on a
             shape (whose table is copied to the GPU only when it is another object than last time).
         tolerance
             The tolerance that the cut was chosen for.
@@ -169,14 +169,16 @@ class ImageLayer:
 
     # ------------------------------------------------------------------ steps of a draw
 
-    def _write(self, cut: Cut, drawable: Drawable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None) -> int:
+    def _write(
+        self, cut: Cut, drawable: Drawable | PageTable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
+    ) -> int:
         """Hand the frame over; returns how many quads are to be drawn."""
         view, buffers = self._view, self._buffers
         pool = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
         buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool))
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
-        if self._bent:
+        if isinstance(drawable, PageTable):
             if cut.detail is not self._detail:
                 buffers["finer"].write(records.log2_tau(cut.detail.tau).astype(np.float32))
                 self._detail = cut.detail

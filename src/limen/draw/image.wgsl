@@ -95,7 +95,7 @@ struct Level {
 @group(0) @binding(2) var<storage, read> eyes: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> quads: array<PageQuad>;
 @group(0) @binding(4) var<storage, read> levels: array<Level>;
-// Per page of the pyramid: slot << 8 | levels coarser.
+// Per page of the pyramid: slot << 12 | faded in (of 127) << 5 | levels coarser.
 @group(0) @binding(5) var<storage, read> table: array<u32>;
 @group(0) @binding(6) var pool: texture_2d_array<f32>;
 @group(0) @binding(7) var bilinear: sampler;
@@ -481,6 +481,31 @@ fn share_up_to(panel: u32, texel: vec2<f32>, level: u32, tolerance: f32) -> f32 
     return ramp(finer[page_number(cell_of(panel, texel, level + 1u), level + 1u)], tolerance);
 }
 
+// A page as far as it has come and faded in, what is behind it where it has not.
+fn page_light(panel: u32, place: Place, level: u32, mip: i32, true_mip: i32, tolerance: f32) -> vec4<f32> {
+    var light = vec4<f32>();
+    var left = 1.0;
+    var step = 0u;
+    while left > 0.0 && i32(level + step) <= frame.top {
+        let cell = page_at(place.texel, level + step);
+        let entry = table[page_number(cell, level + step)];
+        if entry == NO_PAGE {
+            break;
+        }
+        let up = entry & 0x1fu;
+        let coarser = step + up;
+        let shrink = exp2(-f32(level + coarser));
+        let texel = place.texel * shrink - vec2<f32>(cell >> vec2<u32>(up)) * PAGE;
+        let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
+        let fade = select(f32((entry >> 5u) & 0x7fu) / 127.0, 1.0, OVERLAY == 2u);
+        let colour = colour_of(entry >> 12u, texel, footprint, level, coarser, panel);
+        light += left * fade * tinted(colour, level, mip, true_mip, tolerance, coarser);
+        left *= 1.0 - fade;
+        step = coarser + 1u;
+    }
+    return light;
+}
+
 @fragment
 fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
     let panel = vertex.panel;
@@ -498,17 +523,9 @@ fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
         let above = max(share_up_to(panel, place.texel, level, tolerance), below);
         let share = share_of(below, above);
         below = above;
-        let cell = page_at(place.texel, level);
-        let entry = table[page_number(cell, level)];
-        if share <= 0.0 || entry == NO_PAGE {
-            continue;
+        if share > 0.0 {
+            light += share * page_light(panel, place, level, mip, true_mip, tolerance);
         }
-        let coarser = entry & 0xffu;
-        let shrink = exp2(-f32(level + coarser));
-        let texel = place.texel * shrink - vec2<f32>(cell >> vec2<u32>(coarser)) * PAGE;
-        let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
-        let colour = colour_of(entry >> 8u, texel, footprint, level, coarser, panel);
-        light += share * tinted(colour, level, mip, true_mip, tolerance, coarser);
     }
     if light.a <= 0.0 {
         discard;

@@ -21,7 +21,7 @@ from limen.placement import OnShape, PanelMaps
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS
 from limen.select.image import View, shape_kind
-from limen.stream import Drawable
+from limen.stream import Drawable, PageTable
 from limen.tolerance import Tolerance
 
 __all__ = [
@@ -189,8 +189,9 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     assert view.maps is not None
     row_of = np.full(len(view.display.panels), -1)
     row_of[list(quilt.panels)] = np.arange(len(quilt.panels))
-    here = (row_of[cut.pair_panel] >= 0) & (drawable.slot >= 0)
-    panel, page = cut.pair_panel[here], cut.pair_page[here]
+    here = (row_of[cut.pair_panel[drawable.asked]] >= 0) & (drawable.slot >= 0)
+    pair = drawable.asked[here]
+    panel, page = cut.pair_panel[pair], cut.pair_page[pair]
     level, column, row = view.pyramid.page_of(page)
     cell = np.stack([column, row], axis=1)
     scale, offset = view.maps.scale[panel], view.maps.offset[panel]
@@ -209,7 +210,7 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     rows["panel"], rows["level"] = row_of[panel], level
     rows["slot"], rows["coarser"] = drawable.slot[here], coarser
     rows["from_log2"], rows["until_log2"] = _ramps(view, cut, panel, page, level, cell)
-    rows["fade"] = 1.0
+    rows["fade"] = drawable.share[here]
     return rows[(rows["rect_px"][:, :2] < rows["rect_px"][:, 2:]).all(axis=1)]
 
 
@@ -229,10 +230,11 @@ def log2_tau(tau: Floats) -> Floats:
     return np.where(tau > 0, np.log2(np.maximum(tau, 1e-300)), -_ALWAYS)
 
 
-def page_table(drawable: Drawable) -> NDArray[np.uint32]:
-    """One number a page: slot and how many levels coarser."""
-    packed = (drawable.slot.astype(np.int64) << 8) | drawable.coarser
-    return np.where(drawable.slot < 0, _NO_PAGE, packed).astype(np.uint32)
+def page_table(table: PageTable) -> NDArray[np.uint32]:
+    """One number a page: slot (20 bits), how much has faded in (7 bits), how many levels coarser (5 bits)."""
+    fade = np.rint(table.fade * 127).astype(np.int64)
+    packed = (table.slot.astype(np.int64) << 12) | (fade << 5) | table.coarser
+    return np.where(table.slot < 0, _NO_PAGE, packed).astype(np.uint32)
 
 
 def _outline_edges(panel: Panel) -> Floats:
