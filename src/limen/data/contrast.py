@@ -297,7 +297,7 @@ class ContrastSurvey:
         self._ended.set()
 
 
-_STRIP = 32
+_STRIP = 16
 """Columns of pages that are gone down together, so that neighbours are still decoded when they are needed again."""
 
 

@@ -74,18 +74,20 @@ def largest_contrasts(
         for x in range(columns):
             r, g, b = fine[y, x, 0], fine[y, x, 1], fine[y, x, 2]
             u, v, w = line[0, x], line[1, x], line[2, x]
-            same = (low[r] <= u) & (u <= high[r]) & (low[g] <= v) & (v <= high[g]) & (low[b] <= w) & (w <= high[b])
-            if same:
-                continue
             dr, dg, db = light[r] - u, light[g] - v, light[b] - w
             luminance = mechanisms[0, 0] * u + mechanisms[0, 1] * v + mechanisms[0, 2] * w
             cones = mechanisms[1, 0] * u + mechanisms[1, 1] * v + mechanisms[1, 2] * w
-            dark = min(int(np.ceil(np.sqrt(luminance) * steps)), 255)
             white = abs(mechanisms[0, 0] * dr + mechanisms[0, 1] * dg + mechanisms[0, 2] * db)
             red = abs(mechanisms[2, 0] * dr + mechanisms[2, 1] * dg + mechanisms[2, 2] * db)
             violet = abs(mechanisms[3, 0] * dr + mechanisms[3, 1] * dg + mechanisms[3, 2] * db)
-            per_light, per_cones = np.float32(1.0) / (luminance + black), np.float32(1.0) / (cones + black)
-            most_a = max(most_a, white * per_light * discount[0, dark])
-            most_r = max(most_r, red * per_cones * discount[1, dark])
-            most_y = max(most_y, violet * per_cones * discount[2, dark])
+            # Darkness only discounts, so most texels are known to be less than what was found already.
+            back, backs = luminance + black, cones + black
+            if white <= most_a * back and red <= most_r * backs and violet <= most_y * backs:
+                continue
+            if low[r] <= u <= high[r] and low[g] <= v <= high[g] and low[b] <= w <= high[b]:
+                continue
+            dark = min(int(np.ceil(np.sqrt(luminance) * steps)), 255)
+            most_a = max(most_a, white / back * discount[0, dark])
+            most_r = max(most_r, red / backs * discount[1, dark])
+            most_y = max(most_y, violet / backs * discount[2, dark])
     found[0], found[1], found[2] = most_a, most_r, most_y

@@ -39,7 +39,7 @@ _KEPT = 8
 _HALVED_COLUMNS = 1024
 _TILES_PER_TASK = 8
 _LARGEST_ROWS_IN_MEMORY_BYTES = 192 << 20
-_SURVEY_CACHE_BYTES = 64 << 20
+_SURVEY_CACHE_BYTES = 32 << 20
 _SHARE_OF_ROWS = 0.7
 """Of the time until all is done, about; the rest is measuring contrast."""
 
