@@ -133,7 +133,7 @@ def test_display_lists_draws_and_converts(tmp_path, capsys):
         (("show", "world.tif", "--display", "empty.toml", "--out", "x"), "empty.toml: no panels"),
         (("show", "world.tif", "--display", "rostock", "--session", "nan.csv", "--out", "x"), "nan.csv:3: x_m"),
         (("show", "world.tif", "--viewer", "1,2", "--out", "x"), "--viewer takes three numbers"),
-        (("show", "world.tif", "--policy", "best", "--out", "x"), "--policy"),
+        (("show", "world.tif", "--policy", "best", "--out", "x"), "no policy is named 'best'"),
         (("show", "world.tif", "--acuity-arcmin", "0", "--out", "x"), "acuity must lie above 0"),
         (("show", "world.tif", "--frames", "0", "--out", "x"), "--frames must be at least 1"),
         (("show", "world.tif", "--scale", "2", "--out", "x"), "scale must lie above 0"),

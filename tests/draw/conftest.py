@@ -97,13 +97,14 @@ class Studio:
         eye_m: Any = None,
         settle: bool = True,
         budget: int | None = None,
+        detail: Any = None,
     ) -> dict[str, NDArray[np.uint8]]:
         """The picture of every panel by its name."""
         from limen.display.quilt import pack, pieces
         from limen.draw.image import ImageLayer
         from limen.select.image import select, view_of
 
-        view = view_of(display, image.pyramid, placement)
+        view = view_of(display, image.pyramid, placement, detail)
         cut = select(view, tolerance, eye_m=eye_m, budget=budget)
         layer = ImageLayer(self.device, view, self.pool, sampling=sampling)
         pictures = {}

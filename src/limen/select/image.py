@@ -229,8 +229,9 @@ def shares_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats)
 
 
 def levels_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> NDArray[np.int64]:
-    """The level that prevails at places of a panel, for an image on the surface: (..., 2) pixels to (...) levels; -1
-    outside. For maps of levels and for tests.
+    """The level that prevails at places of a panel: half of what is drawn there is as fine or finer.
+
+    For an image on the surface; (..., 2) pixels to (...) levels, -1 outside. For maps of levels and for tests.
     """
     shares = shares_at(view, tolerance, panel, position_px)
-    return np.where(shares.any(axis=0), shares.argmax(axis=0), -1)
+    return np.where(shares.any(axis=0), (shares.cumsum(axis=0) > 0.5).argmax(axis=0), -1)
