@@ -9,7 +9,6 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from limen.cli.arguments import chosen_panels
-from limen.cli.contrast import surveyed
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.image import open_image
 from limen.display.display import Display
@@ -110,7 +109,8 @@ def _view(
     with open_image(content) as image:
         view, detail = view_of(display, image.pyramid, OnSurface(fit)), None
         if any(policy.name == "contrast" for policy in policies):
-            detail = surveyed(out, image, display)
+            with out.progress("looking for contrast", 1000) as step:
+                detail = study.detail_of(image, display, progress=lambda done: step.to(round(1000 * done)))
         return view, study.page_bytes_of(image), detail
 
 

@@ -31,7 +31,15 @@ from limen.select.image import levels_at, select, view_of
 from limen.study.moments import Moment, level_tints, telling_moments
 from limen.study.plots import traffic_picture
 from limen.study.report import Crop, Scene, Story, write_report
-from limen.study.traffic import PAPER_PAGE_BYTES, Report, count_traffic, one_to_one_view, page_bytes_of, policies_of
+from limen.study.traffic import (
+    PAPER_PAGE_BYTES,
+    Report,
+    count_traffic,
+    detail_of,
+    one_to_one_view,
+    page_bytes_of,
+    policies_of,
+)
 from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Session
 from limen.track.walk import session_named
@@ -186,9 +194,12 @@ class _Tour:
     def traffic(self, watch: Watch) -> Report:
         """What this walk over this image would move, frame by frame."""
         policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"])
+        policies += policies_of(["acuity+gaze", "contrast+gaze"], ["0.64"])
         page_bytes = page_bytes_of(self.image)
+        with watch("looking for contrast", 1.0) as step:
+            detail = detail_of(self.image, self.display, progress=_fraction(step))
         with watch("counting pages of the walk", len(self.session.times_s(30.0))) as step:
-            counts = count_traffic(self.view, self.session, policies, advance=lambda: step(1))
+            counts = count_traffic(self.view, self.session, policies, detail=detail, advance=lambda: step(1))
         return Report(self.image.path.name, self.view, 30.0, page_bytes, False, (counts,))
 
     def _draw_previews(self, moment: Moment, renderer: Renderer, watch: Watch) -> dict[str, Rgb]:
@@ -226,7 +237,7 @@ def _papers_traffic(watch: Watch) -> Report:
     display = Display.preset("reality-deck")
     walls = display.select(["front/*", "left/*", "right/*"])
     view = one_to_one_view(walls)
-    policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"])
+    policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"]) + policies_of(["acuity+gaze"], ["0.64"])
     sessions = [session_named(name, display) for name in "ABC"]
     rate_hz = 10.0
     with watch(

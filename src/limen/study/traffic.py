@@ -18,13 +18,14 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
+from limen.data.contrast import CONTRAST_OF_BYTE, page_contrast
 from limen.data.image import Image
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.placement import OnShape, OnSurface, one_to_one_size_px
-from limen.select.detail import Detail
+from limen.select.detail import Detail, contrast_detail
 from limen.select.image import View, flat_pairs, select, view_of
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.tolerance import GAZE, POLICIES, Policy, Tolerance, tolerance_of
@@ -40,6 +41,7 @@ __all__ = [
     "SessionTraffic",
     "Traffic",
     "count_traffic",
+    "detail_of",
     "frames_of",
     "one_to_one_view",
     "page_bytes_of",
@@ -188,6 +190,16 @@ def page_bytes_of(image: Image) -> float:
 def one_to_one_view(display: Display) -> View:
     """A virtual image with a texel on every pixel of a display's whole unrolled surface."""
     return view_of(display, Pyramid.of(one_to_one_size_px(display)), OnSurface("one-to-one"))
+
+
+def detail_of(image: Image, display: Display, *, progress: Callable[[float], None] | None = None) -> Detail:
+    """What is too faint to be seen on a display: for the policy ``contrast``.
+
+    Quick where the contrast of the image's pages lies beside it already; ``progress`` is told the fraction done.
+    """
+    contrast = page_contrast(image, progress=progress)
+    luminance = np.array([panel.luminance_cd_m2 for panel in display.panels])
+    return contrast_detail(image.pyramid, CONTRAST_OF_BYTE[contrast], luminance)
 
 
 def policies_of(names: Iterable[str], acuities: Iterable[str | float]) -> tuple[Policy, ...]:
