@@ -29,12 +29,10 @@ __all__ = ["CHARTS", "chart"]
 Window = NDArray[np.uint8]
 
 _FONT_SIZES_PX = (9, 11, 14, 18, 24, 36)
-_WORDS = (
-    "the of and to in a is that for it as was with be by on not he his but at are this have from or had an they which "
-    "one you were all her she there would their we him been has when who will no more if out so up said what its about "
-    "than into them can only other time new some could these two may first then do any like my now over such our man "
-    "me even most made after also did many fly jug quiz box vex gypsum Wall Panel Level Acuity 1984 2013 3.14"
-).split()
+_WORDS = """the of and to in a is that for it as was with be by on not he his but at are this have from or had an they
+which one you were all her she there would their we him been has when who will no more if out so up said what its about
+than into them can only other time new some could these two may first then do any like my now over such our man me even
+most made after also did many fly jug quiz box vex gypsum Wall Panel Level Acuity 1984 2013 3.14"""
 
 
 def chart(name: str, size_px: tuple[int, int], seed: int = 0) -> Window:
@@ -54,7 +52,7 @@ def chart(name: str, size_px: tuple[int, int], seed: int = 0) -> Window:
 
 def _text(size_px: tuple[int, int], seed: int) -> Window:
     """A page of words, black on white, in sizes from fine print to headlines."""
-    draw_from = random.Random(seed)
+    draw_from, words = random.Random(seed), _WORDS.split()
     page = Picture.new("L", size_px, 255)
     pen = ImageDraw.Draw(page)
     top = -draw_from.randrange(max(_FONT_SIZES_PX))
@@ -63,7 +61,7 @@ def _text(size_px: tuple[int, int], seed: int) -> Window:
         font = ImageFont.truetype(str(_font_file()), size)
         left = float(-draw_from.randrange(4 * size))
         while left < size_px[0]:
-            word = draw_from.choice(_WORDS) + " "
+            word = draw_from.choice(words) + " "
             pen.text((left, top), word, fill=0, font=font)
             left += font.getlength(word)
         top += round(1.25 * size)

@@ -5,6 +5,7 @@ The renderer has its own, fixed filters (`limen.data.resample`, ``draw/image.wgs
 References
 ----------
 Duchon 1979, "Lanczos filtering in one and two dimensions", J. Appl. Meteorology 18.
+Kaiser 1974, "Nonrecursive digital filter design using the I0-sinh window function", Proc. IEEE ISCAS.
 Keys 1981, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29 (Catmull-Rom).
 Mitchell, Netravali 1988, "Reconstruction filters in computer graphics", SIGGRAPH (B = C = 1/3).
 Costella 2021, "Solving the mystery of Magic Kernel Sharp" (its quadratic B-spline and the sharpening after it).
@@ -18,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from limen.errors import InputError
 from limen.geometry import Floats
@@ -39,6 +41,14 @@ def _sinc(x: Floats) -> Floats:
 
 def _lanczos(lobes: int) -> Filter:
     return Filter(lobes, lambda x: np.where(np.abs(x) < lobes, _sinc(x) * _sinc(x / lobes), 0.0))
+
+
+def _kaiser(lobes: int, beta: float) -> Filter:
+    def weight(x: Floats) -> Floats:
+        window = np.i0(beta * np.sqrt(np.maximum(1 - (x / lobes) ** 2, 0.0))) / np.i0(beta)
+        return np.asarray(np.where(np.abs(x) < lobes, _sinc(x) * window, 0.0))
+
+    return Filter(lobes, weight)
 
 
 def _cubic(b: float, c: float) -> Filter:
@@ -72,8 +82,10 @@ FILTERS: dict[str, Filter] = {
     "lanczos-2": _lanczos(2),
     "lanczos-3": _lanczos(3),
     "lanczos-4": _lanczos(4),
+    "kaiser-4": _kaiser(4, 5.0),
 }
-"""Filters by name."""
+"""Filters by name. As sharp as Lanczos with three lobes, ``kaiser-4`` leaks five times less: 0.2 % of a grating at
+0.7 samples a cycle instead of 1.1 %."""
 
 
 def filter_named(name: str) -> Filter:
@@ -90,8 +102,8 @@ def filter_named(name: str) -> Filter:
 
 
 @functools.lru_cache(maxsize=64)
-def matrix(name: str, inputs: int, outputs: int, ratio: float) -> Floats:
-    """Weights (outputs, inputs): output ``k`` lies ``(k + 1/2) ratio`` inputs from the first one's edge.
+def matrix(name: str, inputs: int, outputs: int, ratio: float) -> csr_array:
+    """Weights (outputs, inputs), sparse: output ``k`` lies ``(k + 1/2) ratio`` inputs from the first one's edge.
 
     Where ``ratio`` is above one the filter is stretched by it, so that what the outputs cannot hold is filtered out.
     Inputs beyond the ends repeat the last one.
@@ -103,10 +115,9 @@ def matrix(name: str, inputs: int, outputs: int, ratio: float) -> Floats:
     at = np.floor(centre) + taps
     weight = kernel.weight((at - centre) / stretch)
     weight /= weight.sum(axis=1, keepdims=True)
-    out = np.zeros((outputs, inputs))
     rows = np.broadcast_to(np.arange(outputs)[:, None], at.shape)
-    np.add.at(out, (rows, np.clip(at, 0, inputs - 1).astype(np.int64)), weight)
-    return out
+    columns = np.clip(at, 0, inputs - 1).astype(np.int64)
+    return csr_array((weight.ravel(), (rows.ravel(), columns.ravel())), shape=(outputs, inputs))
 
 
 def resampled(light: Floats, ratio: float, name: str) -> Floats:
@@ -122,5 +133,7 @@ def magnified(light: Floats, shape: tuple[int, int], name: str) -> Floats:
     return _apply(light, down, across)
 
 
-def _apply(light: Floats, down: Floats, across: Floats) -> Floats:
-    return np.stack([down @ light[..., channel] @ across.T for channel in range(light.shape[2])], axis=-1)
+def _apply(light: Floats, down: csr_array, across: csr_array) -> Floats:
+    # Sparse: a row has a few taps, whatever the side.
+    planes = [down @ (across @ light[..., channel].T).T for channel in range(light.shape[2])]
+    return np.stack(planes, axis=-1)

@@ -19,7 +19,7 @@ from limen.geometry import Floats
 from limen.study.filters import magnified, resampled
 from limen.study.observer import SAMPLES_PER_DEGREE, WINDOW_PX, Observer, Verdict
 
-__all__ = ["KernelRow", "angle_that_passes", "drawn_level", "kernel_rows", "pixels_per_degree", "window_px"]
+__all__ = ["KernelRow", "angle_that_passes", "drawn_level", "judged", "kernel_rows", "pixels_per_degree", "window_px"]
 
 Window = NDArray[np.uint8]
 
@@ -41,13 +41,14 @@ class KernelRow(msgspec.Struct, frozen=True):
 
 def pixels_per_degree(texel_arcmin: float, level: int) -> float:
     """Panel pixels a degree where a texel of a level, ``2^level`` pixels, subtends an angle."""
-    return 2**level * math.tan(math.radians(1.0)) / math.tan(math.radians(texel_arcmin / 60.0))
+    return 2.0**level * math.tan(math.radians(1.0)) / math.tan(math.radians(texel_arcmin / 60.0))
 
 
 def window_px(texel_arcmin: float, level: int) -> int:
     """Panel pixels that make the observer's window, a multiple of the level's texel."""
     side = WINDOW_PX * max(1.0, pixels_per_degree(texel_arcmin, level) / SAMPLES_PER_DEGREE)
-    return math.floor(side / 2**level) * 2**level
+    texel_px: int = 2**level
+    return math.floor(side / texel_px) * texel_px
 
 
 def drawn_level(content: Window, level: int, halving: str, drawing: str) -> Window:
@@ -68,59 +69,48 @@ def kernel_rows(
     texel_arcmin: float,
     eccentricity_deg: float = 0.0,
 ) -> Iterator[KernelRow]:
-    """Judge (halving, drawing) filters on contents, whose windows are cut to what the observer takes."""
+    """Judge (halving, drawing) filters on contents, of which the middle that the observer takes is judged."""
     for halving, drawing in filters:
         for content, windows in contents.items():
-            jod, drop = _worst(_judged(observer, windows, (halving, drawing), level, texel_arcmin, eccentricity_deg))
-            worst = Verdict(jod, drop)
-            yield KernelRow(
-                halving, drawing, content, level, texel_arcmin, eccentricity_deg, jod, drop, worst.strict, worst.practical
-            )
+            pairs = [(drawn_level(window, level, halving, drawing), window) for window in windows]
+            verdicts = [judged(observer, pair, level, texel_arcmin, eccentricity_deg) for pair in pairs]
+            worst = Verdict(min(v.jod for v in verdicts), max(v.drop_p99 for v in verdicts))
+            yield KernelRow(halving, drawing, content, level, texel_arcmin, eccentricity_deg,
+                            worst.jod, worst.drop_p99, worst.strict, worst.practical)  # fmt: skip
 
 
 def angle_that_passes(
     observer: Observer,
-    windows: list[Window],
-    filters: tuple[str, str],
+    pairs: list[tuple[Window, Window]],
     level: int,
     passes: Callable[[Verdict], bool],
     eccentricity_deg: float = 0.0,
-    between_arcmin: tuple[float, float] = (0.1, 2.0),
-    steps: int = 7,
+    between_arcmin: tuple[float, float] = (0.4, 2.0),
+    steps: int = 6,
 ) -> float:
-    """The largest texel, arcminutes, at which every window passes; ends of ``between_arcmin`` mean none or all."""
+    """The largest texel, arcminutes, at which every (drawn, content) passes; an end of the range means none or all."""
     low, high = (math.log(angle) for angle in between_arcmin)
     for _ in range(steps):
         middle = 0.5 * (low + high)
-        judged = _judged(observer, windows, filters, level, math.exp(middle), eccentricity_deg)
-        if all(passes(verdict) for verdict in judged):
+        if all(passes(judged(observer, pair, level, math.exp(middle), eccentricity_deg)) for pair in pairs):
             low = middle
         else:
             high = middle
     return math.exp(low)
 
 
-def _judged(
-    observer: Observer,
-    windows: Iterable[Window],
-    filters: tuple[str, str],
-    level: int,
-    texel_arcmin: float,
-    eccentricity_deg: float,
-) -> Iterator[Verdict]:
-    side, per_degree = window_px(texel_arcmin, level), pixels_per_degree(texel_arcmin, level)
-    for window in windows:
-        if min(window.shape[:2]) < side:
-            raise InputError(f"{side} x {side} px are judged at {texel_arcmin:g}', a content has {window.shape[:2]}")
-        # Filtered before it is cut, so that the judged pixels never touch an edge where there is more to take.
-        top, left = ((length - side) // 2 // 2**level * 2**level for length in window.shape[:2])
-        cut = np.s_[top : top + side, left : left + side]
-        yield observer.judge(drawn_level(window, level, *filters)[cut], window[cut], per_degree, eccentricity_deg)
-
-
-def _worst(verdicts: Iterable[Verdict]) -> tuple[float, float]:
-    pairs = [(verdict.jod, verdict.drop_p99) for verdict in verdicts]
-    return min(jod for jod, _ in pairs), max(drop for _, drop in pairs)
+def judged(
+    observer: Observer, pair: tuple[Window, Window], level: int, texel_arcmin: float, eccentricity_deg: float
+) -> Verdict:
+    """The verdict on the middle of (drawn, content) seen from where a texel of the level subtends an angle."""
+    side = window_px(texel_arcmin, level)
+    shape = pair[0].shape[:2]
+    if min(shape) < side:
+        raise InputError(f"{side} x {side} px are judged at {texel_arcmin:g}', here are {shape[1]} x {shape[0]}")
+    # Drawn before it is cut: what is judged never touches an edge where there is more to take.
+    top, left = ((length - side) // 2 // 2**level * 2**level for length in shape)
+    drawn, content = (window[top : top + side, left : left + side] for window in pair)
+    return observer.judge(drawn, content, pixels_per_degree(texel_arcmin, level), eccentricity_deg)
 
 
 def _light(pixels: Window) -> Floats:

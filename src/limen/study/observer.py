@@ -5,7 +5,7 @@ Nothing that decides what limen draws knows of it. It is an extra (`INSTALL`), i
 References
 ----------
 Mantiuk, Hanji, Ashraf, Asano, Chapiro 2024, *ColorVideoVDP*, ACM Trans. Graphics 43(4), and its package ``cvvdp``.
-Ashraf, Chapiro, Mantiuk 2025, *Resolution limit of the eye*, Nature Communications (how sensitivity falls off the gaze).
+Ashraf, Chapiro, Mantiuk 2025, *Resolution limit of the eye*, Nature Communications (the fall-off with gaze).
 Andersson, Nilsson, Akenine-Möller et al. 2020, *FLIP*, Proc. ACM Computer Graphics 3(2), and ``flip-evaluator``.
 """
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import importlib.util
 import logging
 import math
 import os
@@ -21,7 +22,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,6 @@ from limen.data.resample import linear_of_srgb, srgb_of_linear
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.filters import resampled
-
-if TYPE_CHECKING:
-    import torch
 
 __all__ = ["INSTALL", "LEAST_WINDOW_PX", "SAMPLES_PER_DEGREE", "WINDOW_PX", "Observer", "Verdict", "missing_packages"]
 
@@ -70,11 +68,6 @@ These are ``-cF cR`` of Ashraf et al. 2025.
 """
 
 _RIM_PX = 4
-
-_LMS_OF_RGB = np.array([[0.187596, 0.585169, -0.026384], [-0.133397, 0.405506, 0.034502], [0.000244, -0.000543, 0.019407]]) @ [
-    [0.412391, 0.357584, 0.180481], [0.212639, 0.715169, 0.072192], [0.019331, 0.119195, 0.950532]]
-_OPPONENT_OF_RGB = np.array([[1, 1, 0], [1, -2.311130, 0], [-1, -1, 50.977571]]) @ _LMS_OF_RGB
-_RGB_OF_OPPONENT = np.linalg.inv(_OPPONENT_OF_RGB)
 
 Window = NDArray[np.uint8]
 
@@ -152,6 +145,10 @@ class Observer:
             self._photometry = self._vdp.vvdp_display_photo_eotf(
                 peak_cd_m2, contrast=contrast, EOTF="linear", E_ambient=ambient_lux
             )
+            colour = importlib.import_module("pycvvdp.display_model")
+            self._opponent_of_rgb = (
+                np.array(colour.LMS2006_to_DKLd65) @ colour.XYZ_to_LMS2006 @ self._photometry.rgb2xyz_list
+            )
             self._metric = self._vdp.cvvdp(
                 display_photometry=self._photometry,
                 display_geometry=self._geometry(SAMPLES_PER_DEGREE),
@@ -195,9 +192,9 @@ class Observer:
         ground = reference.mean(axis=(0, 1))
         seen = []
         for light in (test, reference):
-            window = _peripheral(_faded(light, ground, ratio), samples_per_degree, eccentricity_deg)
+            window = self._peripheral(_faded(light, ground, ratio), samples_per_degree, eccentricity_deg)
             # The periphery first: it leaves nothing that resampling could turn into overshoot, and that into clipping.
-            seen.append(np.clip(resampled(window, ratio, "lanczos-3") if ratio > 1 else window, 0.0, 1.0))
+            seen.append(np.clip(resampled(window, ratio, "kaiser-4") if ratio > 1 else window, 0.0, 1.0))
         height, width = seen[0].shape[:2]
         if min(height, width) < LEAST_WINDOW_PX or max(height, width) > WINDOW_PX:
             raise InputError(
@@ -207,6 +204,25 @@ class Observer:
         jod, drop = self._differences(seen[0], seen[1], samples_per_degree / ratio)
         flip = None if self._flip is None else self._flip_p99(seen[0], seen[1], samples_per_degree / ratio)
         return Verdict(jod, float(np.percentile(drop, 99)), flip)
+
+    def _peripheral(self, light: Floats, samples_per_degree: float, eccentricity_deg: float) -> Floats:
+        """The window less what an eye loses of it that far from its gaze.
+
+        Dividing every frequency's contrast by what sensitivity loses there is the same as dividing the sensitivity,
+        and holds at every frequency. The observer itself knows sensitivity only at the middle of bands an octave and
+        more wide, within which it falls up to tenfold off the gaze: gratings at their threshold then scored 9.50
+        ... 9.98 at 10 degrees.
+        """
+        if eccentricity_deg == 0:
+            return light
+        height, width = light.shape[:2]
+        down, across = np.fft.fftfreq(height), np.fft.rfftfreq(width)
+        frequency_cpd = np.hypot(down[:, None], across) * samples_per_degree
+        opponent = light @ self._opponent_of_rgb.T
+        for channel, falloff in enumerate(GAZE_FALLOFF):
+            spectrum = np.fft.rfft2(opponent[..., channel]) * 10.0 ** (-falloff * frequency_cpd * eccentricity_deg)
+            opponent[..., channel] = np.fft.irfft2(spectrum, s=(height, width))
+        return np.asarray(opponent @ np.linalg.inv(self._opponent_of_rgb).T)
 
     def _differences(self, test: Floats, reference: Floats, samples_per_degree: float) -> tuple[float, Floats]:
         """The JOD, and what each place alone lowers it by, (H, W)."""
@@ -260,7 +276,8 @@ def _packages() -> tuple[Any, Any]:
     finally:
         # It appends its own folder, whose `utils` and `interp` would shadow anybody's.
         sys.path[:] = path
-    torch.set_num_threads(_cores())
+    # A window takes one thread 0.08 s; two, waiting for each other on a busy machine, took 3 s.
+    torch.set_num_threads(1)
     return torch, pycvvdp
 
 
@@ -269,11 +286,6 @@ def _second_observer() -> Any:
         return importlib.import_module("flip_evaluator")
     except ImportError:
         return None
-
-
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _faded(light: Floats, ground: Floats, ratio: float) -> Floats:
@@ -289,24 +301,6 @@ def _faded(light: Floats, ground: Floats, ratio: float) -> Floats:
 def _rise(side: int, rim_px: float) -> Floats:
     from_edge = np.minimum(np.arange(side), np.arange(side)[::-1]) + 0.5
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(from_edge / rim_px, 1.0)))
-
-
-def _peripheral(light: Floats, samples_per_degree: float, eccentricity_deg: float) -> Floats:
-    """The window less what an eye loses of it that far from its gaze.
-
-    Dividing every frequency's contrast by what sensitivity loses there is the same as dividing the sensitivity, and
-    holds at every frequency. The observer itself knows sensitivity only at the middle of bands an octave and more wide,
-    within which it falls up to tenfold off the gaze: gratings at their threshold then scored 9.50 ... 9.98.
-    """
-    if eccentricity_deg == 0:
-        return light
-    down, across = (fft(side, 1 / samples_per_degree) for fft, side in zip((np.fft.fftfreq, np.fft.rfftfreq), light.shape))
-    frequency_cpd = np.hypot(down[:, None], across)
-    opponent = light @ _OPPONENT_OF_RGB.T
-    for channel, falloff in enumerate(GAZE_FALLOFF):
-        spectrum = np.fft.rfft2(opponent[..., channel]) * 10.0 ** (-falloff * frequency_cpd * eccentricity_deg)
-        opponent[..., channel] = np.fft.irfft2(spectrum, s=light.shape[:2])
-    return np.asarray(opponent @ _RGB_OF_OPPONENT.T)
 
 
 @contextlib.contextmanager

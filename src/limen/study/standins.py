@@ -38,7 +38,7 @@ class GaussianBlur:
         return conv2d(pad(across, (0, 0, margin, margin), "reflect"), weight[:, :, :, None], groups=channels)
 
 
-class _Mlp(torch.nn.Sequential):
+class _Mlp:
     def __init__(self, *_given: Any, **_named: Any) -> None:
         raise NotImplementedError("the learned variants of ColorVideoVDP need torchvision")
 
