@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import pyvips
 
-from limen.data import sample_image
+from limen.data import ingest, sample_image
+from limen.data.contrast import ContrastSurvey
 from limen.data.image import open_image
+from limen.data.machine import worker_count
 from limen.data.pages import PAGE
 from limen.select.image import select
 from limen.stream import Stream
@@ -67,3 +69,16 @@ def test_read_a_random_page(benchmark, world, reader):
             return region.fetch(column * PAGE, row * PAGE, PAGE, PAGE)
 
         assert benchmark(read) is not None
+
+
+def test_measure_the_contrast_of_all_pages(benchmark, world):
+    def survey() -> bool:
+        with open_image(world) as image, ContrastSurvey(image, workers=worker_count(), keep=False) as pages:
+            pages.run()
+            return pages.complete
+
+    assert benchmark(survey)
+
+
+def test_ingest(benchmark, world, tmp_path):
+    assert benchmark(lambda: ingest(world, tmp_path / "made.tif")).pages > 100

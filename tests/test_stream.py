@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.errors import InputError, PageError
-from limen.stream import Stream
+from limen.stream import FADE_S, Stream
 
 SIDE = PAGE + 2 * GUTTER
 
@@ -85,11 +85,39 @@ def test_the_nearest_resident_ancestor_is_drawn_meanwhile():
         pages = pyramid.page_index(np.array([0, 0]), np.array([5, 15]), np.array([6, 0]))
         drawable = stream.drawable(pages)
         assert drawable.coarser.tolist() == [2, len(pyramid.levels) - 1], "its own ancestor; else the pinned level"
-        everything = stream.all_drawable()
+        everything = stream.table()
         some = np.arange(pyramid.page_count)
         one_by_one = stream.drawable(some)
         np.testing.assert_array_equal(everything.slot, one_by_one.slot)
         np.testing.assert_array_equal(everything.coarser, one_by_one.coarser)
+
+
+def test_a_page_that_comes_late_fades_in_over_what_was_shown_before():
+    source, pool = Source(), Pool()
+    pyramid, top = source.pyramid, len(source.pyramid.levels) - 1
+    page = int(pyramid.page_index(0, 5, 6))
+    parent = int(pyramid.page_index(2, 1, 1))
+    with Stream(source, slots=64) as stream:
+        settle(stream, pool, np.array([parent]))  # no clock: there at once
+        assert stream.drawable(np.array([parent])).share.tolist() == [1.0]
+        while stream.drawable(np.array([page])).coarser.tolist()[0] != 0:
+            pool.write(stream.update(np.array([page]), now_s=10.0).uploads)
+            stream.wait(0.05)
+        before = None
+        for now_s in np.linspace(10.0, 10.0 + 1.2 * FADE_S, 13):
+            stream.update(np.array([page]), now_s=float(now_s))
+            drawn = stream.drawable(np.array([page]))
+            assert (drawn.asked == 0).all()
+            assert drawn.share.sum() == pytest.approx(1.0)
+            own = float(drawn.share[drawn.coarser == 0].sum())
+            assert own == pytest.approx(min(1.0, (now_s - 10.0) / FADE_S), abs=1e-4)
+            if own < 1:
+                assert drawn.coarser.tolist() == [0, 2], "over the page that stood there, not the coarsest"
+            assert before is None or own >= before
+            before = own
+            table = stream.table()
+            assert table.fade[page] == pytest.approx(own)
+            assert table.fade[parent] == table.fade[pyramid.page_index(top, 0, 0)] == 1.0
 
 
 def test_a_broken_page_is_logged_once_and_its_ancestor_stays(caplog):
@@ -116,7 +144,10 @@ def test_slots_and_pages_stay_in_step_under_any_walk(walk, slots):
                 assert len(update.uploads) <= 7
                 stream.wait(0.01)
             drawable = stream.drawable(wanted)
-            for page, slot, coarser in zip(wanted.tolist(), *(part.tolist() for part in drawable), strict=True):
+            assert drawable.asked.tolist() == list(range(len(wanted)))
+            for page, slot, coarser in zip(
+                wanted.tolist(), drawable.slot.tolist(), drawable.coarser.tolist(), strict=True
+            ):
                 if slot >= 0 and coarser == 0:
                     assert pool.slots[slot] == page % 251
             assert update.statistics.resident <= slots

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from limen.tolerance import Tolerance as Tolerance
     from limen.viewer import Viewer as Viewer
     from limen.vision.acuity import optimal_distance_m as optimal_distance_m
-    from limen.vision.contrast import resolution_cpd as resolution_cpd
     from limen.vision.contrast import sensitivity as sensitivity
+    from limen.vision.resolution import resolution_cpd as resolution_cpd
+    from limen.vision.visible import visible_cpd as visible_cpd
 
 _HOMES = {
     "Display": "limen.display.display",
@@ -31,8 +32,9 @@ _HOMES = {
     "open": "limen.data",
     "optimal_distance_m": "limen.vision.acuity",
     "render": "limen.frame",
-    "resolution_cpd": "limen.vision.contrast",
+    "resolution_cpd": "limen.vision.resolution",
     "sensitivity": "limen.vision.contrast",
+    "visible_cpd": "limen.vision.visible",
 }
 
 __all__ = [
@@ -47,6 +49,7 @@ __all__ = [
     "render",
     "resolution_cpd",
     "sensitivity",
+    "visible_cpd",
 ]
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.data.contrast import CONTRAST_OF_BYTE, ContrastSurvey
 from limen.data.image import Image, open_image
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
@@ -24,8 +25,9 @@ from limen.gpu.device import Device, open_device
 from limen.gpu.pool import PagePool
 from limen.placement import OnShape, OnSurface, Placement
 from limen.select.cut import Cut
+from limen.select.detail import Detail, contrast_detail
 from limen.select.image import View, select, view_of
-from limen.stream import Drawable, Stream
+from limen.stream import Drawable, PageTable, Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
 from limen.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN
@@ -113,6 +115,7 @@ class Renderer:
             threads=threads or max(2, os.cpu_count() or 2),
         )
         self._parts: dict[Quilt, View] = {}
+        self._contrast = _Contrast(image)
         self._earlier: tuple[Viewer, ...] = ()
 
     # ------------------------------------------------------------------ live
@@ -134,11 +137,12 @@ class Renderer:
         """
         begin = time.perf_counter()
         tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
-        cut = select(self.view, tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
+        view = self._seen_by(policy)
+        cut = select(view, tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
         selected = time.perf_counter()
-        soon = select_ahead(self.view, policy, viewers, self._earlier, LOOKAHEAD_S)
+        soon = select_ahead(view, policy, viewers, self._earlier, LOOKAHEAD_S)
         self._earlier = tuple(viewers)
-        update = self._stream.update(cut.pages, soon=soon)
+        update = self._stream.update(cut.pages, soon=soon, now_s=begin)
         drawable = self._drawable(cut)
         streamed = time.perf_counter()
         self._pool.write(update.uploads)
@@ -159,9 +163,12 @@ class Renderer:
         Waits for pages; an array is only valid until the next is asked for.
         """
         tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
+        if policy.name == "contrast":
+            self._contrast.complete()
+        detail = self._seen_by(policy).detail
         for quilt in self.quilts:
             begin = time.perf_counter()
-            cut = self._select_part(quilt, tolerance, eye_m)
+            cut = self._select_part(quilt, detail, tolerance, eye_m)
             selected = time.perf_counter()
             missing, uploads = self._fetch(cut)
             drawable = self._drawable(cut)
@@ -181,6 +188,7 @@ class Renderer:
 
     def close(self) -> None:
         """Stop decoding and free the GPU memory; the device and the image stay open."""
+        self._contrast.close()
         self._stream.close()
         self._layer.destroy()
         self._pool.destroy()
@@ -216,12 +224,20 @@ class Renderer:
             draw_ms=(drawn - streamed) * 1e3,
         )
 
-    def _select_part(self, quilt: Quilt, tolerance: Tolerance, eye_m: tuple[float, float, float] | None) -> Cut:
+    def _seen_by(self, policy: Policy) -> View:
+        """The image on the display, with what faintness hides where the policy makes use of it."""
+        if policy.name != "contrast":
+            return self.view
+        return self.view._replace(detail=self._contrast.detail(self.view))
+
+    def _select_part(
+        self, quilt: Quilt, detail: Detail, tolerance: Tolerance, eye_m: tuple[float, float, float] | None
+    ) -> Cut:
         """The cut of one quilt's panels, numbered as in the whole display."""
         if quilt not in self._parts:
             part = self.view.display.part(quilt.panels)
             self._parts[quilt] = view_of(part, self.view.pyramid, self.view.placement)
-        cut = select(self._parts[quilt], tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
+        cut = select(self._parts[quilt]._replace(detail=detail), tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
         return replace(cut, pair_panel=np.array(quilt.panels, dtype=np.int64)[cut.pair_panel])
 
     def _fetch(self, cut: Cut) -> tuple[int, int]:
@@ -235,12 +251,46 @@ class Renderer:
                 return update.statistics.missing, uploaded
             self._stream.wait()
 
-    def _drawable(self, cut: Cut) -> Drawable:
+    def _drawable(self, cut: Cut) -> Drawable | PageTable:
         return (
-            self._stream.all_drawable()
-            if isinstance(self.view.placement, OnShape)
-            else self._stream.drawable(cut.pair_page)
+            self._stream.table() if isinstance(self.view.placement, OnShape) else self._stream.drawable(cut.pair_page)
         )
+
+
+class _Contrast:
+    """What is known of the contrast of an image's pages, and what that hides.
+
+    The first frame that asks starts a survey in the background, unless the bytes lie beside the image; pages not
+    surveyed yet count as full of contrast, so that nothing visible is ever missing.
+    """
+
+    def __init__(self, image: Image) -> None:
+        self._image = image
+        self._survey: ContrastSurvey | None = None
+        self._known: NDArray[np.uint8] | None = None
+        self._detail: Detail | None = None
+
+    def detail(self, view: View) -> Detail:
+        contrast = self._started().bytes
+        if self._detail is None or self._known is None or not np.array_equal(contrast, self._known):
+            self._known = contrast.copy()
+            luminance = np.array([panel.luminance_cd_m2 for panel in view.display.panels])
+            self._detail = contrast_detail(view.pyramid, CONTRAST_OF_BYTE[self._known], luminance)
+        return self._detail
+
+    def complete(self) -> None:
+        """Wait until every page is surveyed."""
+        self._started().run()
+
+    def close(self) -> None:
+        if self._survey is not None:
+            self._survey.close()
+
+    def _started(self) -> ContrastSurvey:
+        if self._survey is None:
+            self._survey = ContrastSurvey(self._image)
+            self._survey.start()
+        return self._survey
 
 
 def render(
@@ -267,11 +317,11 @@ def render(
     viewers
         Who looks. With nobody, nothing is left out.
     policy
-        ``full`` or ``acuity`` (or a `limen.tolerance.Policy`).
+        ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.tolerance.Policy`).
     panels
         Shell-style pattern(s) of the panels wanted.
     acuity_arcmin
-        For the policy ``acuity``: arcminutes, ``human`` or ``snellen``.
+        For all policies but ``full``: arcminutes, ``human`` or ``snellen``.
     placement
         How the image lies on the display: by default fitted inside the unrolled surface, centred.
     overlay

@@ -62,6 +62,7 @@ class Live:
         self._device, self._image, self._display = device, image, display
         self._tour = tour or (lambda _time_s: (Viewer((0.0, 0.0, 0.0)),))
         self._policy, self._overlay = settings.policy, settings.overlay
+        self._other = Policy() if self._policy.name == "full" else Policy("full")
         self._placement = OnSurface(settings.fit)
         self._renderer: Renderer | None = None
         self._quilt: Quilt | None = None
@@ -113,9 +114,7 @@ class Live:
             case "o":
                 self._overlay = not self._overlay
             case "p":
-                self._policy = (
-                    Policy("full") if self._policy.name == "acuity" else Policy("acuity", self._policy.acuity_arcmin)
-                )
+                self._policy, self._other = self._other, self._policy
             case " ":
                 self._paused = not self._paused
             case "0":

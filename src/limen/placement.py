@@ -37,8 +37,12 @@ class PanelMaps(NamedTuple):
         ``A`` is the larger side of a pixel's footprint in texels (Heckbert 1983). A thousandth of tolerance keeps
         an image that is shown texel for pixel at level 0 whatever the rounding of metres.
         """
-        footprint = np.abs(self.scale).max(axis=1)
-        return np.asarray(np.floor(np.log2(footprint) + 1e-3), dtype=np.int64)
+        return np.asarray(np.floor(np.log2(self.footprint) + 1e-3), dtype=np.int64)
+
+    @property
+    def footprint(self) -> Floats:
+        """``A``: the larger side of every panel's pixels in texels, shape (P,)."""
+        return np.asarray(np.abs(self.scale).max(axis=1))
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,9 +29,14 @@ from numpy.typing import NDArray
 from limen.data.pages import Pyramid
 from limen.errors import InputError, PageError
 
-__all__ = ["Drawable", "PageSource", "Statistics", "Stream", "Update", "Upload"]
+__all__ = ["FADE_S", "Drawable", "PageSource", "PageTable", "Statistics", "Stream", "Update", "Upload"]
 
 _log = logging.getLogger(__name__)
+
+
+FADE_S = 0.2
+"""How long a page that came late takes to replace the coarser one shown in its place: a change of 2.5 Hz, at which the
+eye is no more sensitive to fine detail than if it stood still (castleCSF, Ashraf et al. 2024)."""
 
 
 class PageSource(Protocol):
@@ -49,10 +54,35 @@ class Upload(NamedTuple):
 
 
 class Drawable(NamedTuple):
-    """For each page asked about: the slot to draw from, and how many levels coarser that slot's page is."""
+    """What to draw in the place of each page asked about: one entry a page, and more where pages fade into each other.
+
+    Parameters
+    ----------
+    asked
+        Which of the pages asked about, in their order: shape (N,).
+    slot
+        Where to draw from; -1 before the coarsest page has come.
+    coarser
+        How many levels coarser that slot's page is.
+    share
+        0 ... 1; the shares of all entries of a page add up to 1.
+    """
+
+    asked: NDArray[np.int64]
+    slot: NDArray[np.int32]
+    coarser: NDArray[np.int32]
+    share: NDArray[np.float32]
+
+
+class PageTable(NamedTuple):
+    """For every page of a pyramid: the slot of the nearest resident page, and how many levels coarser that is.
+
+    ``fade`` is how much of it has faded in; the rest belongs to the entry of the next coarser page.
+    """
 
     slot: NDArray[np.int32]
     coarser: NDArray[np.int32]
+    fade: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +141,8 @@ class Stream:
         self._slot_of = np.full(pyramid.page_count, -1, dtype=np.int32)
         self._page_in = np.full(slots, -1, dtype=np.int64)
         self._last_used = np.full(slots, -1, dtype=np.int64)
+        self._placed_s = np.full(slots, -np.inf)
+        self._now_s = np.inf
         self._frame = 0
         self._version = 0
         self._pinned = pyramid.page_count - 1  # the one page of the coarsest level
@@ -127,7 +159,12 @@ class Stream:
     # ------------------------------------------------------------------ what a frame does
 
     def update(
-        self, wanted: NDArray[np.int64], *, soon: NDArray[np.int64] | None = None, uploads: int | None = None
+        self,
+        wanted: NDArray[np.int64],
+        *,
+        soon: NDArray[np.int64] | None = None,
+        uploads: int | None = None,
+        now_s: float = np.inf,
     ) -> Update:
         """One frame: queue what is missing, hand over what is decoded. Never waits for a page.
 
@@ -139,8 +176,11 @@ class Stream:
             Pages that will be wanted shortly: they come after all others, in whatever room is left.
         uploads
             Another upload budget for this frame.
+        now_s
+            The time that pages fade in by; without it they are there at once.
         """
         begin = time.perf_counter()
+        self._now_s = now_s
         self._frame += 1
         room = len(self._page_in) - 1  # what the pool can hold beside the pinned page
         missing = self._touch(self._without_failed(wanted)[:room])
@@ -169,24 +209,35 @@ class Stream:
         return Update(placed, statistics, self._version)
 
     def drawable(self, pages: NDArray[np.int64]) -> Drawable:
-        """The nearest resident ancestor of each page (itself, if resident); slot -1 before the coarsest has come."""
+        """The nearest resident page of each (itself, or an ancestor), with its own ancestors while it fades in."""
         level, column, row = self._pyramid.page_of(pages)
-        slot = self._slot_of[pages].copy()
-        coarser = np.zeros(len(pages), dtype=np.int32)
-        pending = np.flatnonzero(slot < 0)
-        for step in range(1, len(self._pyramid.levels)):
-            pending = pending[level[pending] + step < len(self._pyramid.levels)]
+        found: list[tuple[NDArray[np.int64], NDArray[np.int32], int, NDArray[np.float32]]] = []
+        pending = np.arange(len(pages))
+        left = np.ones(len(pages), dtype=np.float32)
+        top = len(self._pyramid.levels) - 1
+        for step in range(top + 1):
+            page = self._pyramid.page_index(level[pending] + step, column[pending] >> step, row[pending] >> step)
+            slot = self._slot_of[page]
+            fade = np.where(level[pending] + step < top, self._fade(slot), 1.0).astype(np.float32)
+            here = slot >= 0
+            found.append((pending[here], slot[here], step, (left[pending] * fade)[here]))
+            left[pending[here]] *= 1 - fade[here]
+            # A page without anything is asked about up to the top; what is left of the others, while they fade.
+            pending = pending[(left[pending] > 0) & (level[pending] + step < top)]
             if not len(pending):
                 break
-            ancestor = self._pyramid.page_index(level[pending] + step, column[pending] >> step, row[pending] >> step)
-            found = self._slot_of[ancestor]
-            slot[pending], coarser[pending] = found, step
-            pending = pending[found < 0]
-        used = slot[slot >= 0]
+        nothing = np.setdiff1d(np.arange(len(pages)), np.concatenate([asked for asked, *_ in found]))
+        found.append((nothing, np.full(len(nothing), -1, np.int32), 0, np.ones(len(nothing), np.float32)))
+        asked = np.concatenate([each[0] for each in found])
+        order = np.argsort(asked, kind="stable")
+        slots = np.concatenate([each[1] for each in found])[order]
+        coarser = np.concatenate([np.full(len(each[0]), each[2], np.int32) for each in found])[order]
+        shares = np.concatenate([each[3] for each in found])[order]
+        used = slots[slots >= 0]
         self._last_used[used] = np.maximum(self._last_used[used], self._frame)
-        return Drawable(slot, coarser)
+        return Drawable(asked[order], slots, coarser, shares)
 
-    def all_drawable(self) -> Drawable:
+    def table(self) -> PageTable:
         """`drawable` for every page of the pyramid, for shaders that look pages up for themselves."""
         slot = self._slot_of.copy()
         coarser = np.zeros(len(slot), dtype=np.int32)
@@ -201,7 +252,15 @@ class Stream:
             absent = slot[own] < 0
             slot[own] = np.where(absent, inherited, slot[own])
             coarser[own] = np.where(absent, distance, 0)
-        return Drawable(slot, coarser)
+        fade = self._fade(slot)
+        fade[slot == self._slot_of[self._pinned]] = 1.0  # nothing coarser is there to fade from
+        return PageTable(slot, coarser, fade)
+
+    def _fade(self, slots: NDArray[np.int32]) -> NDArray[np.float32]:
+        """How much of the pages in these slots has faded in."""
+        if self._now_s == np.inf:
+            return np.ones(len(slots), dtype=np.float32)
+        return np.clip((self._now_s - self._placed_s[slots]) / FADE_S, 0.0, 1.0).astype(np.float32)
 
     @property
     def idle(self) -> bool:
@@ -302,6 +361,7 @@ class Stream:
                 self._slot_of[evicted] = -1
             self._page_in[slot], self._slot_of[page] = page, slot
             self._last_used[slot] = self._frame
+            self._placed_s[slot] = self._now_s if self._now_s < np.inf else -np.inf
             placed.append(Upload(slot, texels))
         self._version += bool(placed)
         return placed

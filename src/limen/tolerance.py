@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -17,82 +17,148 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.units import arcmin_to_rad
 from limen.viewer import Viewer
-from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, acuity_from
+from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, acuity_from, eccentricity_scale
 
-__all__ = ["POLICIES", "Policy", "Tolerance", "tolerance_of"]
+__all__ = ["GAZE", "HEAD_SLACK_DEG", "POLICIES", "Policy", "Tolerance", "tolerance_of"]
 
-POLICIES = ("full", "acuity")
-"""``full``: the ordinary mip level, whoever looks. ``acuity``: also what distance hides from the viewers."""
+POLICIES = ("full", "acuity", "contrast")
+"""``full``: the ordinary mip level, whoever looks. ``acuity``: also what distance hides from the viewers.
+``contrast``: also what is too faint to be seen there."""
+
+GAZE = "+gaze"
+"""Appended to a policy's name: also what is too far from where the viewers look."""
+
+HEAD_SLACK_DEG = 15.0
+"""How far eyes turn from where the head points before the head follows (paper 001)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Policy:
     """How detail is chosen.
 
-    ``acuity_arcmin`` is the acuity of viewers who bring none of their own; ``full`` ignores it.
+    Parameters
+    ----------
+    name
+        One of `POLICIES`.
+    acuity_arcmin
+        The acuity of viewers who bring none of their own; ``full`` ignores it.
+    gaze
+        Whether detail may fall off with the angle from the gaze, or from the head's direction less
+        ``head_slack_deg`` where no eye tracker tells the gaze.
+    distance_factor
+        How many times farther away the viewers are taken to be than they are: 1 is the truth, more is for studies
+        that look for the place where an omission becomes visible.
     """
 
-    name: Literal["full", "acuity"] = "acuity"
+    name: Literal["full", "acuity", "contrast"] = "acuity"
     acuity_arcmin: float = HUMAN_ARCMIN
+    gaze: bool = False
+    distance_factor: float = 1.0
+    head_slack_deg: float = HEAD_SLACK_DEG
 
     def __post_init__(self) -> None:
         acuity_from(self.acuity_arcmin)
+        if not 0 < self.distance_factor < math.inf:
+            raise InputError(f"distance_factor must be a positive number, got {self.distance_factor}")
+        if not 0 <= self.head_slack_deg <= 180:
+            raise InputError(f"head_slack_deg must be from 0 to 180 degrees, got {self.head_slack_deg}")
 
     @classmethod
     def parse(cls, text: str, acuity_arcmin: str | float = HUMAN_ARCMIN) -> Policy:
-        """A policy by name; ``snellen`` is short for ``acuity`` at one arcminute.
+        """A policy by name, with ``+gaze`` appended or not; ``snellen`` is short for ``acuity`` at one arcminute.
+
+        >>> Policy.parse("acuity+gaze", "snellen").label
+        "acuity+gaze 1'"
 
         Raises
         ------
         InputError
             If there is no policy of that name or the acuity is impossible.
         """
-        match text:
-            case "full":
+        base = text.removesuffix(GAZE)
+        gaze = base != text
+        match base:
+            case "full" if not gaze:
                 return cls("full")
-            case "acuity":
-                return cls("acuity", acuity_from(acuity_arcmin))
+            case "acuity" | "contrast":
+                return cls(base, acuity_from(acuity_arcmin), gaze)
             case "snellen":
-                return cls("acuity", SNELLEN_ARCMIN)
-        raise InputError(f"no policy is named '{text}': there are {', '.join(POLICIES)} and snellen")
+                return cls("acuity", SNELLEN_ARCMIN, gaze)
+        raise InputError(
+            f"no policy is named '{text}': there are {', '.join(POLICIES)} and snellen, "
+            f"all but full also with {GAZE} appended"
+        )
+
+    @property
+    def title(self) -> str:
+        """The name as people type it, without the acuity."""
+        return self.name + GAZE * self.gaze
 
     @property
     def label(self) -> str:
-        return self.name if self.name == "full" else f"{self.name} {self.acuity_arcmin:g}'"
+        return self.name if self.name == "full" else f"{self.title} {self.acuity_arcmin:g}'"
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
     """The largest invisible error at every place of a room, for all viewers together.
 
+    Whether an eye is in front of a panel or behind it is not asked: from behind, the same is allowed as from the
+    same distance in front, which errs toward detail.
+
     Parameters
     ----------
     eyes_m
         Eye positions, shape (E, 3). Without any eye nothing is tolerated (policy ``full``).
     tan_angle
-        Tangent of the angle that stays invisible to each eye, shape (E,).
+        Tangent of the angle that stays invisible to each eye where it looks, shape (E,).
+    gaze
+        Unit vectors along which the eyes look, shape (E, 3); zeros where that is unknown, or not to be made use of.
+    slack_deg
+        How far from ``gaze`` the eye may really look, shape (E,).
     """
 
     eyes_m: Floats
     tan_angle: Floats
+    gaze: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    slack_deg: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        if self.eyes_m.ndim != 2 or self.eyes_m.shape != (len(self.tan_angle), 3):
-            raise InputError(f"eyes_m must have shape ({len(self.tan_angle)}, 3), got {self.eyes_m.shape}")
-        if not (np.isfinite(self.eyes_m).all() and (self.tan_angle > 0).all()):
-            raise InputError("eyes must be finite and their angles positive")
+        eyes = len(self.tan_angle)
+        if not len(self.gaze):
+            object.__setattr__(self, "gaze", np.zeros((eyes, 3)))
+        if not len(self.slack_deg):
+            object.__setattr__(self, "slack_deg", np.zeros(eyes))
+        if self.eyes_m.shape != (eyes, 3) or self.gaze.shape != (eyes, 3) or self.slack_deg.shape != (eyes,):
+            raise InputError(f"eyes_m and gaze must have shape ({eyes}, 3) and slack_deg ({eyes},) for {eyes} eyes")
+        if not (np.isfinite(self.eyes_m).all() and np.isfinite(self.gaze).all() and (self.tan_angle > 0).all()):
+            raise InputError("eyes and gazes must be finite and their angles positive")
 
-    def allowed_m(self, position_m: Floats) -> Floats:
+    def allowed_m(self, position_m: Floats, along: Floats | None = None) -> Floats:
         """The largest invisible length at places of the room: (..., 3) metres to (...) metres.
 
-        The most demanding eye decides. Oblique viewing is not made use of: a length is taken to be
-        seen square on, as Papadopoulos, Kaufman 2013 do, which errs toward detail.
+        The most demanding eye decides. A length is taken to be seen square on, as Papadopoulos, Kaufman 2013 do,
+        unless ``along`` tells how it lies: unit vectors of shape (..., 3). Seen obliquely it may be longer, by one over
+        the sine of the angle between it and the line of sight. Images, whose texels are as wide as they are high, can
+        make no use of that: across the slant they are seen square on from everywhere.
         """
         position_m = np.asarray(position_m, dtype=float)
         if not len(self.tan_angle):
             return np.zeros(position_m.shape[:-1])
-        distance = np.linalg.norm(position_m[..., None, :] - self.eyes_m, axis=-1)
-        return np.asarray((distance * self.tan_angle).min(axis=-1))
+        sight = position_m[..., None, :] - self.eyes_m
+        distance = np.linalg.norm(sight, axis=-1)
+        allowed = distance * self.tan_angle
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self.gaze.any():
+                ahead = np.clip((sight * self.gaze).sum(axis=-1) / distance, -1, 1)
+                beside = np.degrees(np.arccos(ahead)) - self.slack_deg
+                known = self.gaze.any(axis=-1) & (distance > 0)
+                allowed = allowed * np.where(known, eccentricity_scale(np.maximum(beside, 0)), 1.0)
+            if along is not None:
+                cosine = (sight * np.asarray(along, dtype=float)[..., None, :]).sum(axis=-1) / distance
+                sine = np.sqrt(np.maximum(1 - np.square(cosine), 0))
+                allowed = np.where(distance > 0, allowed / sine, 0.0)
+        return np.asarray(allowed.min(axis=-1))
 
     def allowed_px(self, position_m: Floats, pitch_m: float) -> Floats:
         """The largest invisible error in pixels of a panel: (..., 3) metres to (...) pixels."""
@@ -101,11 +167,13 @@ class Tolerance:
 
 def tolerance_of(viewers: Iterable[Viewer], policy: Policy) -> Tolerance:
     """What the viewers cannot see under a policy; the finest demand wins, place by place."""
-    eyes: list[Floats] = []
-    tangents: list[float] = []
+    rows: list[Floats] = []
     if policy.name != "full":
         for viewer in viewers:
             acuity = policy.acuity_arcmin if viewer.acuity_arcmin is None else viewer.acuity_arcmin
-            eyes.extend(viewer.eyes_m)
-            tangents += [math.tan(arcmin_to_rad(acuity))] * (len(eyes) - len(tangents))
-    return Tolerance(np.array(eyes, dtype=float).reshape(-1, 3), np.array(tangents, dtype=float))
+            tangent = math.tan(arcmin_to_rad(acuity)) * policy.distance_factor
+            look = np.zeros(3) if not policy.gaze else np.array(viewer.gaze or viewer.direction)
+            slack = policy.head_slack_deg if viewer.gaze is None else 0.0
+            rows += [np.concatenate([eye, [tangent], look, [slack]]) for eye in viewer.eyes_m]
+    table = np.array(rows, dtype=float).reshape(-1, 8)
+    return Tolerance(table[:, :3].copy(), table[:, 3].copy(), table[:, 4:7].copy(), table[:, 7].copy())

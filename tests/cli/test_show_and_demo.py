@@ -111,6 +111,7 @@ def test_display_lists_draws_and_converts(tmp_path, capsys):
     assert report["name"] == "rostock"
     assert report["total_px"] == 24 * 1920 * 1200
     assert {"name", "size_px", "size_m", "pitch_m", "optimal_distance_m"} <= set(report["panels"][0])
+    assert {panel["luminance_cd_m2"] for panel in report["panels"]} == {100}
     assert np.asarray(Picture.open(tmp_path / "room.png")).std() > 5
     assert limen("display", "rostock", "--quilt", "--picture", tmp_path / "quilt.png", "--json") == 0
     quilts = json.loads(capsys.readouterr().out)["quilts"]
@@ -132,7 +133,7 @@ def test_display_lists_draws_and_converts(tmp_path, capsys):
         (("show", "world.tif", "--display", "empty.toml", "--out", "x"), "empty.toml: no panels"),
         (("show", "world.tif", "--display", "rostock", "--session", "nan.csv", "--out", "x"), "nan.csv:3: x_m"),
         (("show", "world.tif", "--viewer", "1,2", "--out", "x"), "--viewer takes three numbers"),
-        (("show", "world.tif", "--policy", "best", "--out", "x"), "--policy"),
+        (("show", "world.tif", "--policy", "best", "--out", "x"), "no policy is named 'best'"),
         (("show", "world.tif", "--acuity-arcmin", "0", "--out", "x"), "acuity must lie above 0"),
         (("show", "world.tif", "--frames", "0", "--out", "x"), "--frames must be at least 1"),
         (("show", "world.tif", "--scale", "2", "--out", "x"), "scale must lie above 0"),

@@ -151,6 +151,31 @@ def test_adjustments_reach_the_panels_they_name(tmp_path):
     assert [panel.node for panel in panels] == ["", "n", ""]
 
 
+def test_white_is_stated_for_the_display_a_grid_a_panel_or_by_name_and_survives_being_written(tmp_path):
+    other = GRID[len('name = "x"\n') :].replace('"a"', '"b"') + "diagonal_in = 27\n"
+    corners = "corners_m = [[0,0,0],[1,0,0],[1,-1,0]]\n"
+    text = (
+        "luminance_cd_m2 = 250\n" + GRID + "diagonal_in = 27\ncolumns = 2\nluminance_cd_m2 = 80\n" + other
+        + PANEL[len("name = 'x'\n") :] + corners + "luminance_cd_m2 = 0.001\n"
+        + "[[adjust]]\npanels = 'a/1,*'\nluminance_cd_m2 = 75\n"
+    )  # fmt: skip
+    display = load(tmp_path, text)
+    white = {panel.name: panel.luminance_cd_m2 for panel in display.panels}
+    assert white == {"a/0,0": 80, "a/1,0": 75, "b/0,0": 250, "p": 0.001}
+    assert load(tmp_path, display.to_toml()).arrays.luminance_cd_m2.tolist() == [80, 75, 250, 0.001]
+    assert [panel.luminance_cd_m2 for panel in display.part([1, 2]).scaled(0.5).panels] == [75, 250]
+    assert limen.Display.preset("rostock").panels[0].luminance_cd_m2 == 100
+
+
+@pytest.mark.parametrize("value", ["0", "-5", "nan", "inf"])
+@pytest.mark.parametrize(
+    "where", ["luminance_cd_m2 = {}\n" + GRID + "pitch_mm = 1\n", GRID + "pitch_mm = 1\nluminance_cd_m2 = {}\n"]
+)
+def test_a_white_that_cannot_be_is_refused(tmp_path, where, value):
+    with pytest.raises(DisplayError, match=r"wall\.toml: panel 'a/0,0': luminance_cd_m2 of white must be above 0"):
+        load(tmp_path, where.format(value))
+
+
 def test_selected_panels_keep_the_whole_surface():
     deck = limen.Display.preset("reality-deck")
     part = deck.select("front/*")
@@ -178,7 +203,7 @@ def test_panels_refuse_nonsense():
     assert Panel(**good).normal == (0, 0, 1)
     for field, value in {
         "name": "", "size_px": (0, 3), "origin_m": (0, math.nan, 0), "right": (0, 0, 0), "down": (1, 0, 0),
-        "pitch_m": (0, 1),
+        "pitch_m": (0, 1), "luminance_cd_m2": 0.0,
     }.items():  # fmt: skip
         with pytest.raises(DisplayError):
             Panel(**{**good, field: value})

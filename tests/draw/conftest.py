@@ -97,20 +97,21 @@ class Studio:
         eye_m: Any = None,
         settle: bool = True,
         budget: int | None = None,
+        detail: Any = None,
     ) -> dict[str, NDArray[np.uint8]]:
         """The picture of every panel by its name."""
         from limen.display.quilt import pack, pieces
         from limen.draw.image import ImageLayer
         from limen.select.image import select, view_of
 
-        view = view_of(display, image.pyramid, placement)
+        view = view_of(display, image.pyramid, placement, detail)
         cut = select(view, tolerance, eye_m=eye_m, budget=budget)
         layer = ImageLayer(self.device, view, self.pool, sampling=sampling)
         pictures = {}
         with self.stream(image) as stream:
             pinned = np.array([image.pyramid.page_count - 1])
             self.settle(stream, cut) if settle else self.settle(stream, _Only(pinned))
-            drawable = stream.drawable(cut.pair_page) if view.maps is not None else stream.all_drawable()
+            drawable = stream.drawable(cut.pair_page) if view.maps is not None else stream.table()
             for quilt in pack(display):
                 texture = layer.draw(cut, drawable, tolerance, quilt, overlay=overlay, eye_m=eye_m)
                 pictures.update(pieces(display, quilt, layer.read(texture)))

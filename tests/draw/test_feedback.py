@@ -12,6 +12,7 @@ from limen.display.display import Display
 from limen.draw.feedback import Feedback
 from limen.errors import InputError
 from limen.placement import OnShape, OnSurface
+from limen.select.detail import reduced_detail
 from limen.select.image import select, view_of
 from limen.tolerance import Policy, tolerance_of
 from limen.viewer import Viewer
@@ -32,7 +33,7 @@ PLACEMENTS = {
 }
 VIEWERS = {
     "nobody": [],
-    "one": [Viewer((0.3, 1.6, 0.2), acuity_arcmin=6)],
+    "one": [Viewer((0.3, 1.6, 0.2), gaze=(0.2, -0.1, -1.0), acuity_arcmin=6)],
     "three": [
         Viewer((0.3, 1.6, 0.2), acuity_arcmin=8),
         Viewer((-0.7, 1.2, 0.5), acuity_arcmin=3),
@@ -48,9 +49,14 @@ def cave() -> Display:
 
 @pytest.mark.parametrize("kind", PLACEMENTS)
 @pytest.mark.parametrize("people", VIEWERS)
-def test_selectors_leave_out_no_page_and_add_few(kind: str, people: str, device: Any, cave: Display) -> None:
-    tolerance = tolerance_of(VIEWERS[people], Policy("acuity"))
-    view = view_of(cave, _PYRAMID, PLACEMENTS[kind])
+@pytest.mark.parametrize("policy", ["acuity", "contrast+gaze"])
+def test_selectors_leave_out_no_page_and_add_few(
+    kind: str, people: str, policy: str, device: Any, cave: Display
+) -> None:
+    tolerance = tolerance_of(VIEWERS[people], Policy.parse(policy))
+    share = np.random.default_rng(2).choice([0.0, 0.2, 0.7, 1.0], _PYRAMID.page_count)
+    detail = reduced_detail(_PYRAMID, share) if policy == "contrast+gaze" else None
+    view = view_of(cave, _PYRAMID, PLACEMENTS[kind], detail)
     feedback = Feedback(device, view)
     assert feedback.run(tolerance, divisor=1, eye_m=_EYE)
     needed = feedback.read()
@@ -58,7 +64,9 @@ def test_selectors_leave_out_no_page_and_add_few(kind: str, people: str, device:
     chosen = select(view, tolerance, eye_m=_EYE)
     assert np.setdiff1d(needed.pages, chosen.pages).size == 0
     extra = len(chosen) - len(needed.pages)
-    assert extra <= 0.1 * len(needed.pages) + 2, f"{extra} of {len(chosen)}"
+    # With gaze the bounds over a page are wider, and a page of 23 weighs more than one of hundreds.
+    allowed = 0.1 * len(needed.pages) + 2 if policy == "acuity" else 0.4 * len(needed.pages) + 8
+    assert extra <= allowed, f"{extra} of {len(chosen)}"
 
 
 def test_every_pixel_is_counted_once(device: Any) -> None:

@@ -78,7 +78,7 @@ def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: 
         cut = select(view, _FULL, eye_m=_EYE)
         layer = ImageLayer(studio.device, view, studio.pool)
         with studio.stream(image) as stream:
-            drawable = stream.drawable(cut.pair_page) if view.maps is not None else stream.all_drawable()
+            drawable = stream.drawable(cut.pair_page) if view.maps is not None else stream.table()
             texture = layer.draw(cut, drawable, _FULL, pack(display)[0], eye_m=_EYE)
         assert (layer.read(texture) == 0).all()
         layer.destroy()
@@ -147,7 +147,7 @@ def test_an_image_on_a_shape_needs_an_eye(studio: Any, memory_image: Any, texels
     cut = select(view, _FULL, eye_m=_EYE)
     layer = ImageLayer(studio.device, view, studio.pool)
     with studio.stream(image) as stream, pytest.raises(InputError, match="needs an eye point"):
-        layer.draw(cut, stream.all_drawable(), _FULL, pack(display)[0])
+        layer.draw(cut, stream.table(), _FULL, pack(display)[0])
     layer.destroy()
 
 

@@ -11,6 +11,7 @@ from limen.display.display import Display
 from limen.display.grid import Grid, panels_of_grid
 from limen.errors import InputError
 from limen.placement import OnShape, OnSurface
+from limen.select.detail import BLEND_LEVELS
 from limen.select.image import View, select, view_of
 from limen.study import traffic
 from limen.study.traffic import Report, count_traffic, one_to_one_view, policies_of
@@ -45,11 +46,15 @@ def pages_by_hand(view: View, viewers: tuple[Viewer, ...], policy: Policy) -> se
         pixel = np.stack(np.meshgrid(*(np.arange(side) + 0.5 for side in panel.size_px)), axis=-1).reshape(-1, 2)
         texel = pixel * view.maps.scale[number] + view.maps.offset[number]
         inside = ((texel >= 0) & (texel < view.pyramid.size_px)).all(axis=1)
-        hidden = np.maximum(tolerance.allowed_px(panel.position_m(pixel), panel.pitch_m[0]), 1.0)
-        level = view.maps.mip_level[number] + np.floor(np.log2(hidden)).astype(int)
-        level = np.clip(level, 0, len(view.pyramid.levels) - 1)[inside]
-        column, row = (texel[inside] // (PAGE * 2.0 ** level[:, None])).astype(int).T
-        found |= set(zip(level.tolist(), column.tolist(), row.tolist(), strict=True))
+        allowed = tolerance.allowed_px(panel.position_m(pixel), panel.pitch_m[0]) * view.maps.footprint[number]
+        top, finest = len(view.pyramid.levels) - 1, max(0, int(view.maps.mip_level[number]))
+        # From here on a coarser level is drawn; just before, both are.
+        coarsest = np.clip(np.floor(np.log2(np.maximum(allowed, 1e-9)) + BLEND_LEVELS), finest, top)
+        prevailing = np.clip(np.floor(np.log2(np.maximum(allowed, 1e-9))), finest, top)
+        for level in {*np.unique(coarsest[inside]), *np.unique(prevailing[inside])}:
+            here = inside & ((coarsest == level) | (prevailing == level))
+            cells = np.unique((texel[here] // (PAGE * 2.0**level)).astype(int), axis=0)
+            found |= {(int(level), column, row) for column, row in cells.tolist()}
     return found
 
 
@@ -88,9 +93,9 @@ WALLS = Display.preset("reality-deck").select(["front/*", "left/*", "right/*"])
 WHOLE = one_to_one_view(WALLS)
 places = st.tuples(st.floats(-4.5, 4.5), st.floats(1.2, 2.0), st.floats(-2.6, 2.6))
 
-BORDER = 1.02
-"""Where two levels meet, a place may be needed at both, so asking for a little more detail can do without a page of
-the coarser level there. Among a thousand pages that is less than one in a hundred (500 random poses: 0.7 %)."""
+BORDER = 1.25
+"""Where two levels blend a place is needed at both, so asking for a little more detail can do without a page of the
+coarser level there; a wall that lies all in one blend needs a quarter more."""
 
 
 @settings(max_examples=25, deadline=None)
@@ -100,7 +105,7 @@ def test_who_sees_more_never_needs_fewer_pages(eyes: list[tuple[float, float, fl
     policies = policies_of(["full", "acuity"], [acuity, acuity * (ratio + 1e-9), acuity * 2])
     counts = count_traffic(WHOLE, session, policies)
     full, sharp, dull, level_coarser = counts.pages[:, 0]
-    assert level_coarser < sharp
+    assert level_coarser <= sharp * BORDER
     assert dull <= sharp * BORDER
     assert sharp <= full * BORDER
     assert full == 16_200 == counts.full_pages[0]

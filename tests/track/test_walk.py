@@ -168,3 +168,24 @@ def test_unknown_sessions(tmp_path):
         session_named("D", display)
     with pytest.raises(MissingFileError):
         session_named(str(tmp_path / "none.csv"), display)
+
+
+def test_a_made_up_eye_tracker_fixates_and_jumps_near_where_the_head_points():
+    display = Display.preset("reality-deck")
+    plain, tracked = make_walk(display, 20.0, seed=4), make_walk(display, 20.0, seed=4, gaze=True)
+    (before,), (track,) = plain.tracks, tracked.tracks
+    np.testing.assert_array_equal(before.position_m, track.position_m)
+    assert before.gaze is None
+    np.testing.assert_allclose(np.linalg.norm(track.gaze, axis=1), 1, atol=2e-6)
+    jumps = np.flatnonzero((np.diff(track.gaze, axis=0) != 0).any(axis=1)) + 1
+    held_s = np.diff(track.time_s[jumps])
+    assert 0.2 < np.median(held_s) < 0.45
+    beside = np.degrees(np.arccos((track.gaze * track.direction).sum(axis=1).clip(-1, 1)))[jumps]
+    assert 4 < np.median(beside) < 12
+    assert beside.max() < 18
+    again = make_walk(display, 20.0, seed=4, gaze=True)
+    np.testing.assert_array_equal(again.tracks[0].gaze, track.gaze)
+    named = session_named("A+gaze", display)
+    assert named.name == "A+gaze"
+    assert named.tracks[0].gaze is not None
+    assert session_named("A", display).tracks[0].gaze is None

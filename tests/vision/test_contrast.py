@@ -54,7 +54,7 @@ def test_the_dark_and_the_extremes_are_clamped_and_nonsense_is_refused():
         with pytest.raises(InputError, match="finite and not negative"):
             limen.sensitivity(**bad)
     with pytest.raises(InputError, match="castle"):
-        limen.sensitivity(1, model="barten")
+        limen.sensitivity(1, model="owl")
     with pytest.raises(InputError, match="human and snellen"):
         limen.resolution_cpd(model="owl")
     with pytest.raises(InputError, match="nasal"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -19,8 +19,11 @@ PanelsOption = Annotated[
     list[str], Parameter(consume_multiple=True, negative="", help="Only panels whose names match, e.g. 'front/*'.")
 ]
 PolicyOption = Annotated[
-    Literal["full", "acuity", "snellen"],
-    Parameter(help="full: the ordinary mip level. acuity: also what distance hides. snellen: acuity at 1 arcminute."),
+    str,
+    Parameter(
+        help="full: the ordinary mip level. acuity: also what distance hides. contrast: also what is too faint to be "
+        "seen. snellen: acuity at 1 arcminute. With +gaze appended: also what is far from where the viewers look."
+    ),
 ]
 AcuityOption = Annotated[str, Parameter(help="Smallest detail seen: arcminutes, 'human' (0.64) or 'snellen' (1).")]
 FitOption = Annotated[Fit, Parameter(help="How the image lies on the display's unrolled surface.")]

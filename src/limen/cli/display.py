@@ -30,6 +30,7 @@ class PanelRow(msgspec.Struct):
     centre_m: tuple[float, float, float]
     normal: tuple[float, float, float]
     node: str
+    luminance_cd_m2: float  # of white
 
 
 class QuiltRow(msgspec.Struct):
@@ -114,11 +115,17 @@ def _row(panel: Panel) -> PanelRow:
         centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
         normal=panel.normal,
         node=panel.node,
+        luminance_cd_m2=panel.luminance_cd_m2,
     )
 
 
+def _span(values: list[float]) -> str:
+    least, most = min(values), max(values)
+    return f"{least:g}" if least == most else f"{least:g}..{most:g}"
+
+
 def _print(out: Output, chosen: Display, report: DisplayReport) -> None:
-    columns = ["panel", "pixels", "size m", "pitch mm", "Dopt m", "node"]
+    columns = ["panel", "pixels", "size m", "pitch mm", "Dopt m", "white cd/m2", "node"]
     rows = []
     for grid, panels in chosen.grids().items():
         # A wall of equal panels is one line; -v shows them all.
@@ -137,6 +144,7 @@ def _print(out: Output, chosen: Display, report: DisplayReport) -> None:
                     f"{row.size_m[0]:.3f} x {row.size_m[1]:.3f}",
                     f"{row.pitch_m * 1000:.4f}",
                     f"{row.optimal_distance_m:.2f} {row.optimal_distance_human_m:.2f}",
+                    _span([each.luminance_cd_m2 for each in (panels if len(listed) == 1 else [panel])]),
                     node,
                 )
             )

@@ -33,9 +33,15 @@ def info(file: Path, *, common: Common = DEFAULT) -> None:
     out.line(f"  tiles of {tile}, {where}; levels in the file: {len(found.file_levels)}")
     if found.mean_page_bytes is not None:
         out.line(f"  {_amount(found.mean_page_bytes)} a page at full resolution")
+    out.line(f"  contrast of what finer levels add: {found.contrast}")
     edge = found.page_px
     rows = [(level, f"{w} x {h}", -(-w // edge) * -(-h // edge)) for level, (w, h) in enumerate(found.levels)]
-    out.table("", ("level", "texels", "pages"), rows)
+    if found.faint_share is None:
+        out.table("", ("level", "texels", "pages"), rows)
+        return
+    shares = ["", *(f"{100 * share:.1f} %" for share in found.faint_share)]
+    table = [(*row, share) for row, share in zip(rows, shares, strict=True)]
+    out.table("", ("level", "texels", "pages", "finer adds < 1 %"), table)
 
 
 def _amount(size_bytes: float) -> str:

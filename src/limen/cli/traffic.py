@@ -13,15 +13,19 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.data.image import open_image
 from limen.display.display import Display
 from limen.placement import Fit, OnSurface
+from limen.select.detail import Detail
 from limen.select.image import View, view_of
 from limen.study import traffic as study
 from limen.study.plots import format_of, traffic_plot
 from limen.study.traffic import Report, Row, SessionTraffic
+from limen.tolerance import Policy
 from limen.track.walk import session_named
+from limen.vision.acuity import HUMAN_ARCMIN
 
 __all__ = ["print_traffic", "traffic"]
 
 ONE_TO_ONE = "one-to-one"
+_ACUITIES = ("1", "0.64", "0.5")
 _Words = Annotated[list[str], Parameter(consume_multiple=True, negative="")]
 
 
@@ -53,9 +57,11 @@ def traffic(
     session
         A, B, C (the default: all three) or session files.
     policy
-        full, acuity (the default: both).
+        full, acuity, contrast, snellen, all but full also with +gaze appended (default: full acuity; for an image
+        file also acuity+gaze contrast contrast+gaze).
     acuity_arcmin
-        A row of each policy that needs one for each of these (default: 1 0.64 0.5; human and snellen are names).
+        A row of each policy for each of these (human and snellen are names). By default acuity has rows for 1 0.64 0.5,
+        the others for 0.64.
     rate_hz
         Frames of the session to look at, per second.
     fit
@@ -67,17 +73,17 @@ def traffic(
     """
     out = Output(common)
     whole, part = Display.named(display), chosen_panels(display, panels or [])
-    policies = study.policies_of(policy or ["full", "acuity"], acuity_arcmin or ["1", "0.64", "0.5"])
+    policies = _policies(content, policy, acuity_arcmin)
     sessions = [session_named(name, whole) for name in session or ["A", "B", "C"]]
     for walked in sessions:
         if walked.display != whole.name:
             out.say(f"session '{walked.name}' was made for '{walked.display}', and is counted on '{whole.name}'")
     if plot is not None:
         format_of(plot)  # a wrong ending should not cost a minute of counting
-    view, page_bytes = _view(content, part, fit)
+    view, page_bytes, detail = _view(out, content, part, fit, policies)
     with out.progress("counting pages", study.frames_of(sessions, rate_hz)) as step:
         counts = tuple(
-            study.count_traffic(view, walked, policies, rate_hz=rate_hz, per_node=per_node, advance=step)
+            study.count_traffic(view, walked, policies, rate_hz=rate_hz, per_node=per_node, detail=detail, advance=step)
             for walked in sessions
         )
     report = study.Report(content, view, rate_hz, page_bytes, per_node, counts)
@@ -87,11 +93,25 @@ def traffic(
     print_traffic(out, report)
 
 
-def _view(content: str, display: Display, fit: Fit) -> tuple[View, float]:
+def _policies(content: str, names: Sequence[str] | None, acuities: Sequence[str] | None) -> tuple[Policy, ...]:
+    if names:
+        return study.policies_of(names, acuities or _ACUITIES)
+    more = ["acuity+gaze"] if content == ONE_TO_ONE else ["acuity+gaze", "contrast", "contrast+gaze"]
+    found = study.policies_of(["full", "acuity"], acuities or _ACUITIES)
+    return found + study.policies_of(more, acuities or [HUMAN_ARCMIN])
+
+
+def _view(
+    out: Output, content: str, display: Display, fit: Fit, policies: Sequence[Policy]
+) -> tuple[View, float, Detail | None]:
     if content == ONE_TO_ONE:
-        return study.one_to_one_view(display), study.PAPER_PAGE_BYTES
+        return study.one_to_one_view(display), study.PAPER_PAGE_BYTES, None
     with open_image(content) as image:
-        return view_of(display, image.pyramid, OnSurface(fit)), study.page_bytes_of(image)
+        view, detail = view_of(display, image.pyramid, OnSurface(fit)), None
+        if any(policy.name == "contrast" for policy in policies):
+            with out.progress("looking for contrast", 1000) as step:
+                detail = study.detail_of(image, display, progress=lambda done: step.to(round(1000 * done)))
+        return view, study.page_bytes_of(image), detail
 
 
 def print_traffic(out: Output, report: Report) -> None:

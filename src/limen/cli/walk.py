@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from limen.cli.output import DEFAULT, Common, Output
 from limen.display.display import Display
@@ -22,6 +25,7 @@ def walk(
     seed: int = 0,
     viewers: int = 1,
     rate_hz: float = 120.0,
+    gaze: Annotated[bool, Parameter(negative="")] = False,
     picture: Path | None = None,
     common: Common = DEFAULT,
 ) -> None:
@@ -41,6 +45,8 @@ def walk(
         How many people walk.
     rate_hz
         Samples a second.
+    gaze
+        Also make up an eye tracker: fixations within 15 degrees of where the head points.
     picture
         Also draw the heat map, the hotspots and the paths to this .png or .svg.
     """
@@ -48,7 +54,7 @@ def walk(
     shown = Display.named(display)
     if picture is not None:
         format_of(picture)  # a wrong ending should leave no session behind
-    session = make_walk(shown, seconds, seed, viewers, rate_hz, name=out.stem)
+    session = make_walk(shown, seconds, seed, viewers, rate_hz, name=out.stem, gaze=gaze)
     write_session(out, session)
     if picture is not None:
         heat = heat_map(shown, seed)

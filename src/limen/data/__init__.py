@@ -11,14 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from limen.data.build import IngestReport, ingest
+    from limen.data.contrast import CONTRAST_OF_BYTE, ContrastSurvey, page_contrast
     from limen.data.image import Image, ImageInfo
     from limen.data.image import open_image as open
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
     from limen.data.sample import SampleReport, sample_image
 
 __all__ = [
+    "CONTRAST_OF_BYTE",
     "GUTTER",
     "PAGE",
+    "ContrastSurvey",
     "Image",
     "ImageInfo",
     "IngestReport",
@@ -27,10 +30,13 @@ __all__ = [
     "SampleReport",
     "ingest",
     "open",
+    "page_contrast",
     "sample_image",
 ]
 
 _HOMES = {
+    "CONTRAST_OF_BYTE": ("contrast_file", "CONTRAST_OF_BYTE"),
+    "ContrastSurvey": ("contrast", "ContrastSurvey"),
     "GUTTER": ("pages", "GUTTER"),
     "PAGE": ("pages", "PAGE"),
     "Image": ("image", "Image"),
@@ -41,6 +47,7 @@ _HOMES = {
     "SampleReport": ("sample", "SampleReport"),
     "ingest": ("build", "ingest"),
     "open": ("image", "open_image"),
+    "page_contrast": ("contrast", "page_contrast"),
     "sample_image": ("sample", "sample_image"),
 }
 

@@ -129,6 +129,11 @@ class BigTiffWriter:
     def bytes_written(self) -> int:
         return self._at
 
+    @property
+    def partial(self) -> Path:
+        """Where the file lies until it is complete; it can be read once ``finish`` was called."""
+        return self._partial.partial
+
     def add(self, level: int, tile: bytes) -> None:
         """Append one encoded tile."""
         while len(self._offsets) <= level:
@@ -152,6 +157,7 @@ class BigTiffWriter:
             self._file.write(struct.pack("<Q", position))
             self._file.seek(end)
             link = position + 8 + 20 * struct.unpack_from("<Q", directory)[0]
+        self._file.flush()
 
     def _directory(self, level: int, size_px: tuple[int, int], software: str, position: int) -> bytes:
         tags: list[Tag] = [

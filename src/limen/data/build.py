@@ -22,8 +22,9 @@ from limen.data.bigtiff import DeflateTiles, JpegTiles
 from limen.data.deepzoom import open_deepzoom
 from limen.data.footprint import Footprint
 from limen.data.image import existing_file, unreadable_zstandard
+from limen.data.machine import worker_count
 from limen.data.pages import Pyramid
-from limen.data.pyramids import PyramidWriter, worker_count
+from limen.data.pyramids import PyramidWriter
 from limen.data.tiff import TiffImage, is_tiff
 from limen.data.tiles import TileLevel
 from limen.errors import FormatError, InputError
@@ -72,9 +73,10 @@ def ingest(
 ) -> IngestReport:
     """Write ``src`` as a pyramidal BigTIFF ``dst``: tiles of 256, JPEG (deflate where there is opacity), sRGB.
 
-    Embedded colour profiles are applied. ``progress`` is called with the fraction done, 0..1. ``dst`` appears, or is
-    replaced, only when all is written; on any error nothing is left behind. Raises MissingFileError, FormatError
-    (``src`` cannot be read, or only in part), InputError (``dst`` is ``src``, or no .tif), StorageError.
+    Embedded colour profiles are applied. The contrast of the pages (:mod:`limen.data.contrast`) is written beside
+    ``dst``. ``progress`` is called with the fraction done, 0..1. ``dst`` appears, or is replaced, only when all is
+    written; on any error nothing is left behind. Raises MissingFileError, FormatError (``src`` cannot be read, or only
+    in part), InputError (``dst`` is ``src``, or no .tif), StorageError.
     """
     src, dst = existing_file(src), Path(dst)
     _check_target(src, dst)
@@ -86,13 +88,11 @@ def ingest(
         source = _open_source(src, stack, pool)
         stack.enter_context(closing(source.rows))
         coder = JpegTiles(quality, subsampling) if source.bands == 3 else DeflateTiles()
-        with PyramidWriter(dst, source.size_px, coder, workers=workers) as writer:
+        with PyramidWriter(dst, source.size_px, coder, workers=workers, progress=progress) as writer:
             done = 0
             for rows in stack.enter_context(closing(_ahead(source.rows))):
                 writer.push(rows)
                 done += rows.shape[0]
-                if progress is not None:
-                    progress(done / source.size_px[1])
             if done != source.size_px[1]:
                 raise FormatError(f"{src}: ends after {done} of {source.size_px[1]} rows; copy it again")
     width, height = source.size_px

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from limen.data import vips
 from limen.data.cache import TileCache
+from limen.data.contrast_file import faint_shares
 from limen.data.deepzoom import DeepZoomLevel, open_deepzoom
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.data.tiff import TiffImage, TiffLevel, is_tiff
@@ -54,7 +55,11 @@ _ALMOST = 1.03
 
 
 class ImageInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``limen info`` says about an image; sizes are [width, height] in texels."""
+    """What ``limen info`` says about an image; sizes are [width, height] in texels.
+
+    ``faint_share`` is, for each level but the finest, the share of its pages to which the next finer level adds less
+    than 1 % contrast (see :mod:`limen.data.contrast`); None while that is not known.
+    """
 
     kind: str = "image"
     path: str
@@ -71,6 +76,8 @@ class ImageInfo(msgspec.Struct, frozen=True, kw_only=True):
     in_place: bool
     bytes: int
     mean_page_bytes: float | None
+    contrast: Literal["known", "not yet"]
+    faint_share: list[float] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +138,7 @@ class Image:
     def info(self) -> ImageInfo:
         """What the file is."""
         facts = self._facts
+        shares = faint_shares(self.path, self.pyramid)
         return ImageInfo(
             path=str(self.path),
             size=self.size_px,
@@ -146,6 +154,8 @@ class Image:
             in_place=facts.in_place,
             bytes=self.path.stat().st_size,
             mean_page_bytes=facts.mean_page_bytes,
+            contrast="not yet" if shares is None else "known",
+            faint_share=shares,
         )
 
     def close(self) -> None:

@@ -2,12 +2,15 @@
 
 Every level is the halving, in linear light, of the 8-bit level above it before compression; sizes round up and the
 texels of level ``l`` span exactly ``2**l`` base texels.
+
+The contrast of the pages is measured on the finished file before it gets its name: what its tiles decode to is what
+will be drawn, JPEG's artefacts included. Doing so while rows pass would hold four more rows of decoded tiles a level.
 """
 
 from __future__ import annotations
 
-import os
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
@@ -16,13 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.bigtiff import BigTiffWriter, TileCoder
+from limen.data.contrast import ContrastSurvey
+from limen.data.contrast_file import write_contrast
+from limen.data.image import open_image
 from limen.data.kernels import HALO, halve_rows
+from limen.data.machine import worker_count
 from limen.data.pages import PAGE, Pyramid
 from limen.data.partial import is_disk_full
 from limen.data.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import StorageError
 
-__all__ = ["PyramidWriter", "worker_count"]
+__all__ = ["PyramidWriter"]
 
 Texels = NDArray[np.uint8]
 
@@ -32,22 +39,30 @@ _KEPT = 8
 _HALVED_COLUMNS = 1024
 _TILES_PER_TASK = 8
 _LARGEST_ROWS_IN_MEMORY_BYTES = 192 << 20
-
-
-def worker_count() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+_SURVEY_CACHE_BYTES = 32 << 20
+_SHARE_OF_ROWS = 0.7
+"""Of the time until all is done, about; the rest is measuring contrast."""
 
 
 class PyramidWriter:
     """Takes an image's rows from top to bottom and writes ``path`` when the last has come; a context manager.
 
-    ``push`` takes uint8 (n, width, bands) with the coder's bands. StorageError names the bytes needed if the disk is
-    full. Nothing is left behind unless all rows came.
+    ``push`` takes uint8 (n, width, bands) with the coder's bands. The contrast of the pages is written beside ``path``.
+    ``progress`` is called with the fraction done, 0 .. 1. StorageError names the bytes needed if the disk is full.
+    Nothing is left behind unless all rows came.
     """
 
-    def __init__(self, path: Path, size_px: tuple[int, int], coder: TileCoder, *, workers: int | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        size_px: tuple[int, int],
+        coder: TileCoder,
+        *,
+        workers: int | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
         self.path = path
+        self._progress = progress or (lambda _: None)
         self.pyramid = Pyramid.of(size_px)
         self._tiff = BigTiffWriter(path, coder, PAGE)
         self._workers = workers or worker_count()
@@ -75,6 +90,8 @@ class PyramidWriter:
             raise
         if isinstance(error, OSError):
             self._explain(error)
+        if kind is None:
+            write_contrast(self.path, self.pyramid, self._contrast)
 
     def push(self, rows: Texels) -> None:
         self._finest.push(rows)
@@ -82,6 +99,15 @@ class PyramidWriter:
         if self._rows_done == self.pyramid.size_px[1]:
             self._finest.finish()
             self._tiff.finish([level.size_px for level in self.pyramid.levels], SOFTWARE)
+            self._measure_contrast()
+        else:
+            self._progress(_SHARE_OF_ROWS * self._rows_done / self.pyramid.size_px[1])
+
+    def _measure_contrast(self) -> None:
+        with open_image(self._tiff.partial, cache_bytes=_SURVEY_CACHE_BYTES) as image:
+            with ContrastSurvey(image, workers=self._workers, keep=False) as survey:
+                survey.run(lambda done: self._progress(_SHARE_OF_ROWS + (1 - _SHARE_OF_ROWS) * done))
+            self._contrast = survey.pages
 
     def write(self, level: int, tiles: list[bytes]) -> None:
         for tile in tiles:

@@ -87,11 +87,10 @@ def sample_image(
         raise InputError(f"seed {seed} must lie between 0 and {(1 << 31) - 1}")
     size_px = sample_size_px(gigapixels, WALL_ASPECT if aspect is None else aspect, width_px)
     begin = time.perf_counter()
-    with Footprint() as footprint, PyramidWriter(path, size_px, JpegTiles(quality), workers=workers) as writer:
+    coder = JpegTiles(quality)
+    with Footprint() as footprint, PyramidWriter(path, size_px, coder, workers=workers, progress=progress) as writer:
         for top in range(0, size_px[1], BLOCK):
             writer.push(paint_rows(seed, top, size_px, writer.pool))
-            if progress is not None:
-                progress(min(1.0, (top + BLOCK) / size_px[1]))
     return SampleReport(
         path=str(path),
         size=size_px,

@@ -30,6 +30,7 @@ class PanelArrays(NamedTuple):
     surface_m: Floats  # (P, 2)
     nudge_px: Floats  # (P, 2)
     size_px: NDArray[np.int64]  # (P, 2)
+    luminance_cd_m2: Floats  # (P,), of white
 
 
 class Rect(NamedTuple):
@@ -168,6 +169,7 @@ class Display:
             np.array([panel.surface_m for panel in panels]),
             np.array([panel.nudge_px for panel in panels], dtype=float),
             np.array([panel.size_px for panel in panels], dtype=np.int64),
+            np.array([panel.luminance_cd_m2 for panel in panels], dtype=float),
         )
 
     @cached_property

@@ -15,7 +15,7 @@ import msgspec
 import tomli_w
 from msgspec import Meta, field
 
-from limen.display.grid import Grid, Side, panel_of_corners, panels_of_grid
+from limen.display.grid import WHITE_CD_M2, Grid, Luminance, Side, panel_of_corners, panels_of_grid
 from limen.display.panel import Panel
 from limen.errors import DisplayError, FormatError, MissingFileError
 
@@ -50,6 +50,7 @@ class PanelEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True)
         0.0,
     )
     node: Annotated[str, Meta(description="The machine that draws this panel.")] = ""
+    luminance_cd_m2: Luminance = None
 
 
 class Adjustment(msgspec.Struct, forbid_unknown_fields=True):
@@ -58,6 +59,7 @@ class Adjustment(msgspec.Struct, forbid_unknown_fields=True):
     panels: Annotated[str, Meta(description="Shell-style pattern of panel names, e.g. 'front/3,*'.")]
     nudge_px: tuple[float, float] | None = None
     node: str | None = None
+    luminance_cd_m2: float | None = None
 
 
 class DisplayFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -68,6 +70,9 @@ class DisplayFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True
     grids: list[Grid] = field(default_factory=list, name="grid")
     panels: list[PanelEntry] = field(default_factory=list, name="panel")
     adjustments: list[Adjustment] = field(default_factory=list, name="adjust")
+    luminance_cd_m2: Annotated[
+        float, Meta(description="Luminance of white, cd/m2, of all panels that say nothing else.")
+    ] = WHITE_CD_M2
 
 
 def read(path: Path) -> tuple[str, tuple[Panel, ...], str]:
@@ -103,6 +108,7 @@ def write(name: str, panels: tuple[Panel, ...], description: str = "") -> str:
             outline_px=list(panel.outline_px),
             nudge_px=panel.nudge_px,
             node=panel.node,
+            luminance_cd_m2=panel.luminance_cd_m2,
         )
         for panel in panels
     ]
@@ -171,9 +177,10 @@ def _panels(content: DisplayFile) -> tuple[Panel, ...]:
     panels: list[Panel] = []
     edge = 0.0  # where the next wall begins on the unrolled surface
     for grid in content.grids:
-        panels += panels_of_grid(grid, edge)
+        panels += panels_of_grid(grid, edge, content.luminance_cd_m2)
         edge = max(panel.surface_m[0] + panel.size_m[0] for panel in panels)
     for entry in content.panels:
+        white = content.luminance_cd_m2 if entry.luminance_cd_m2 is None else entry.luminance_cd_m2
         panels.append(
             panel_of_corners(
                 entry.name,
@@ -183,6 +190,7 @@ def _panels(content: DisplayFile) -> tuple[Panel, ...]:
                 outline_px=tuple(entry.outline_px),
                 nudge_px=entry.nudge_px,
                 node=entry.node,
+                luminance_cd_m2=white,
             )
         )
         edge = max(edge, panels[-1].surface_m[0] + panels[-1].size_m[0])
@@ -192,8 +200,7 @@ def _panels(content: DisplayFile) -> tuple[Panel, ...]:
 def _adjusted(panel: Panel, adjustments: list[Adjustment]) -> Panel:
     for adjustment in adjustments:
         if fnmatchcase(panel.name, adjustment.panels):
-            nudge, node = adjustment.nudge_px, adjustment.node
-            panel = replace(
-                panel, nudge_px=panel.nudge_px if nudge is None else nudge, node=panel.node if node is None else node
-            )
+            fields = ("nudge_px", "node", "luminance_cd_m2")
+            given = {name: getattr(adjustment, name) for name in fields if getattr(adjustment, name) is not None}
+            panel = replace(panel, **given)
     return panel

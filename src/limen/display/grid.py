@@ -14,9 +14,13 @@ from limen.errors import DisplayError
 from limen.geometry import Vec3, as_vec3, cross, normalised
 from limen.units import inch_to_m
 
-__all__ = ["Grid", "Side", "panel_of_corners", "panels_of_grid"]
+__all__ = ["WHITE_CD_M2", "Grid", "Luminance", "Side", "panel_of_corners", "panels_of_grid"]
+
+WHITE_CD_M2 = 100.0
+"""Luminance of white where a display file says nothing: the condition of Ashraf, Chapiro, Mantiuk 2025."""
 
 Side = Annotated[int, Meta(ge=1, le=65_535)]
+Luminance = Annotated[float | None, Meta(description="Luminance of white, cd/m2. Default: the display's.")]
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 
@@ -56,9 +60,10 @@ class Grid(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
         tuple[float, float] | None,
         Meta(description="Place of its top left corner on the unrolled surface. Default: right of what came before."),
     ] = None
+    luminance_cd_m2: Luminance = None
 
 
-def panels_of_grid(grid: Grid, surface_left_m: float) -> list[Panel]:
+def panels_of_grid(grid: Grid, surface_left_m: float, luminance_cd_m2: float = WHITE_CD_M2) -> list[Panel]:
     """The panels of a wall, row by row from the top left.
 
     Raises
@@ -75,6 +80,7 @@ def panels_of_grid(grid: Grid, surface_left_m: float) -> list[Panel]:
     frame = np.array([right, down])
     corner = np.array(as_vec3(grid.centre_m, f"grid '{grid.name}': centre_m")) - across @ frame
     surface = grid.surface_m or (surface_left_m, 0.0)
+    white = luminance_cd_m2 if grid.luminance_cd_m2 is None else grid.luminance_cd_m2
     return [
         Panel(
             name=f"{grid.name}/{grid.first_column + column},{row}",
@@ -85,6 +91,7 @@ def panels_of_grid(grid: Grid, surface_left_m: float) -> list[Panel]:
             pitch_m=pitch,
             surface_m=(surface[0] + column * step[0], surface[1] + row * step[1]),
             node=_node(grid, column),
+            luminance_cd_m2=white,
         )
         for row in range(grid.rows)
         for column in range(grid.columns)
@@ -100,6 +107,7 @@ def panel_of_corners(
     outline_px: tuple[tuple[float, float], ...] = (),
     nudge_px: tuple[float, float] = (0.0, 0.0),
     node: str = "",
+    luminance_cd_m2: float = WHITE_CD_M2,
 ) -> Panel:
     """A panel from the room positions of its top left, top right, bottom right (and bottom left) corners.
 
@@ -136,6 +144,7 @@ def panel_of_corners(
         outline_px=outline_px,
         nudge_px=nudge_px,
         node=node,
+        luminance_cd_m2=luminance_cd_m2,
     )
 
 

@@ -42,6 +42,9 @@ class Panel:
         The machine that draws this panel.
     true_px
         How many of the panel's true pixels one pixel stands for, along a row: more than 1 in previews only.
+    luminance_cd_m2
+        Of white, as the viewer sees it. The default is the condition under which people's resolution was measured
+        (Ashraf, Chapiro, Mantiuk 2025). Models of vision clamp it to 0.0113 ... 10,000.
 
     Raises
     ------
@@ -60,6 +63,7 @@ class Panel:
     nudge_px: tuple[float, float] = (0.0, 0.0)
     node: str = ""
     true_px: float = 1.0
+    luminance_cd_m2: float = 100.0
 
     def __post_init__(self) -> None:
         try:
@@ -74,6 +78,8 @@ class Panel:
             raise ValueError(f"size_px must be from 1 to 65535 pixels, got {list(self.size_px)}")
         if not all(math.isfinite(pitch) and pitch > 0 for pitch in self.pitch_m):
             raise ValueError(f"pitch must be positive, got {list(self.pitch_m)}")
+        if not (math.isfinite(self.luminance_cd_m2) and self.luminance_cd_m2 > 0):
+            raise ValueError(f"luminance_cd_m2 of white must be above 0, got {self.luminance_cd_m2}; 100 is common")
         object.__setattr__(self, "origin_m", as_vec3(self.origin_m, "origin"))
         object.__setattr__(self, "right", normalised(as_vec3(self.right, "right"), "right"))
         object.__setattr__(self, "down", normalised(as_vec3(self.down, "down"), "down"))

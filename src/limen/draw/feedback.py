@@ -31,7 +31,7 @@ __all__ = ["Coverage", "Feedback"]
 _RING = 3
 _GROUP_PX = 8  # the shader's workgroup_size
 _ORDER = 5  # steps through the jitter's places so that neighbours do not follow one another
-_NUMBERS = {"frame": 0, "panels": 1, "eyes": 2, "levels": 4, "coverage": 8}
+_NUMBERS = {"frame": 0, "panels": 1, "eyes": 2, "levels": 4, "coverage": 8, "finer": 9}
 
 
 class Coverage(NamedTuple):
@@ -48,9 +48,10 @@ class Feedback:
         self._device, self._view = device, view
         self._whole = Quilt((1, 1), tuple(range(len(view.display.panels))), ((0, 0),) * len(view.display.panels))
         storage = wgpu.BufferUsage.STORAGE
-        self._buffers = {name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "levels")}
+        self._buffers = {name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "levels", "finer")}
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
+        self._buffers["finer"].write(records.log2_tau(view.detail.tau).astype(np.float32))
         self._bytes = view.pyramid.page_count * 4
         create = device.wgpu.create_buffer
         usage = storage | wgpu.BufferUsage.COPY_SRC | wgpu.BufferUsage.COPY_DST

@@ -22,8 +22,9 @@ from limen.gpu.pool import PagePool
 from limen.gpu.shader import load_shader
 from limen.placement import OnShape
 from limen.select.cut import Cut
+from limen.select.detail import Detail
 from limen.select.image import View
-from limen.stream import Drawable
+from limen.stream import Drawable, PageTable
 from limen.tolerance import Tolerance
 
 __all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "ImageLayer", "Overlay", "Sampling"]
@@ -40,8 +41,12 @@ _OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2}
 _BLACK = (0.0, 0.0, 0.0, 0.0)
 
 _FLAT_BINDINGS = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear")
-_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear")
-_NUMBERS = {"frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7}
+_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer")
+_NUMBERS = {
+    "frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7, "finer": 9,
+}  # fmt: skip
+_ADD = {"src_factor": "one", "dst_factor": "one", "operation": "add"}
+"""Levels that blend into each other are drawn one after the other; their shares of a pixel add up to one."""
 
 
 class ImageLayer:
@@ -70,13 +75,15 @@ class ImageLayer:
         self._static_rows: dict[Quilt, records.Rows] = {}
         storage = wgpu.BufferUsage.STORAGE
         self._buffers = {
-            name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "quads", "table", "levels")
+            name: GrowingBuffer(device, name, storage)
+            for name in ("panels", "eyes", "quads", "table", "levels", "finer")
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._reader = TextureReader(device)
-        self._table_of: Drawable | None = None
+        self._table_of: PageTable | None = None
+        self._detail: Detail | None = None
         self._bind_group: Any = None
         self._bound: tuple[int, ...] = ()
 
@@ -90,7 +97,7 @@ class ImageLayer:
     def draw(
         self,
         cut: Cut,
-        drawable: Drawable,
+        drawable: Drawable | PageTable,
         tolerance: Tolerance,
         quilt: Quilt,
         *,
@@ -106,7 +113,7 @@ class ImageLayer:
         cut
             What the selector chose for the same view and tolerance.
         drawable
-            ``stream.drawable(cut.pair_page)`` for an image on the surface, ``stream.all_drawable()`` for one on a
+            ``stream.drawable(cut.pair_page)`` for an image on the surface, ``stream.table()`` for one on a
             shape (whose table is copied to the GPU only when it is another object than last time).
         tolerance
             The tolerance that the cut was chosen for.
@@ -162,14 +169,19 @@ class ImageLayer:
 
     # ------------------------------------------------------------------ steps of a draw
 
-    def _write(self, cut: Cut, drawable: Drawable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None) -> int:
+    def _write(
+        self, cut: Cut, drawable: Drawable | PageTable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
+    ) -> int:
         """Hand the frame over; returns how many quads are to be drawn."""
         view, buffers = self._view, self._buffers
         pool = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
         buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool))
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
-        if self._bent:
+        if isinstance(drawable, PageTable):
+            if cut.detail is not self._detail:
+                buffers["finer"].write(records.log2_tau(cut.detail.tau).astype(np.float32))
+                self._detail = cut.detail
             if drawable is not self._table_of:
                 buffers["table"].write(records.page_table(drawable))
                 self._table_of = drawable
@@ -221,6 +233,9 @@ class ImageLayer:
         key = (target_format, overlay)
         if key not in self._pipelines:
             kind = "bent" if self._bent else "flat"
+            colours: dict[str, Any] = {"format": target_format}
+            if overlay != "exact":
+                colours["blend"] = {"color": _ADD, "alpha": {**_ADD, "operation": "max"}}
             constants = {"KERNEL": self._kernel, "OVERLAY": _OVERLAYS[overlay]}
             self._pipelines[key] = self._device.wgpu.create_render_pipeline(
                 label=f"image {kind}",
@@ -231,7 +246,7 @@ class ImageLayer:
                     "module": self._shader,
                     "entry_point": f"{kind}_fragment",
                     "constants": constants,
-                    "targets": [{"format": target_format}],
+                    "targets": [colours],
                 },
             )
         return self._pipelines[key]

@@ -16,6 +16,8 @@ const PAGE: f32 = 256.0;
 const GUTTER: f32 = 4.0;
 const SIDE: f32 = 264.0;
 const PI: f32 = 3.14159265358979;
+// cR of Ashraf et al. 2025.
+const PER_DEG: f32 = 0.160080;
 const ALMOST_ONE = 0.99999994;
 const NO_PAGE: u32 = 0xffffffffu;
 
@@ -34,7 +36,9 @@ struct Frame {
     jitter_px: vec2<u32>,
     pool_columns: u32,
     pool_rows: u32,
-    padding: vec2<u32>,
+    // Octaves of tolerance over which one level gives way to the next.
+    blend: f32,
+    padding: u32,
 }
 
 struct Panel {
@@ -68,6 +72,12 @@ struct PageQuad {
     level: u32,
     slot: u32,
     coarser: u32,
+    // Drawn where the logarithm of the tolerance lies between: a finer page is below, a coarser one above.
+    from_log2: f32,
+    until_log2: f32,
+    // Share of this page where its picture is still being exchanged for another.
+    fade: f32,
+    padding: u32,
 }
 
 struct Level {
@@ -80,15 +90,18 @@ struct Level {
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> panels: array<Panel>;
-// Per panel and eye: the foot point on the panel (m), the squared height over it (m2), pixels per metre of distance.
+// Per panel and eye: foot point on the panel and height over it (m), pixels per metre of distance; then the gaze along
+// right, down and normal (zero: unknown), and how far the eye may look beside it (degrees).
 @group(0) @binding(2) var<storage, read> eyes: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> quads: array<PageQuad>;
 @group(0) @binding(4) var<storage, read> levels: array<Level>;
-// Per page of the pyramid: slot << 8 | levels coarser.
+// Per page of the pyramid: slot << 12 | faded in (of 127) << 5 | levels coarser.
 @group(0) @binding(5) var<storage, read> table: array<u32>;
 @group(0) @binding(6) var pool: texture_2d_array<f32>;
 @group(0) @binding(7) var bilinear: sampler;
 @group(0) @binding(8) var<storage, read_write> coverage: array<atomic<u32>>;
+// Per page of the pyramid: the logarithm of the tolerance below which its finer pages are drawn.
+@group(0) @binding(9) var<storage, read> finer: array<f32>;
 
 // ---------------------------------------------------------------- tolerance and level
 
@@ -97,23 +110,34 @@ fn tolerance_px(panel: u32, pixel: vec2<f32>) -> f32 {
     let place = pixel * panels[panel].pitch_m;
     var least = select(3.0e38, 0.0, frame.eyes == 0u);
     for (var k = 0u; k < frame.eyes; k++) {
-        let eye = eyes[panel * frame.eyes + k];
-        let aside = place - eye.xy;
-        least = min(least, eye.w * sqrt(eye.z + dot(aside, aside)));
+        let eye = eyes[2u * (panel * frame.eyes + k)];
+        let gaze = eyes[2u * (panel * frame.eyes + k) + 1u];
+        let sight = vec3<f32>(place - eye.xy, -eye.z);
+        var allowed = eye.w * length(sight);
+        if any(gaze.xyz != vec3<f32>()) {
+            // The angle by its tangent: near the gaze its cosine is flat.
+            let aside = exact_atan2(length(cross(sight, gaze.xyz)), dot(sight, gaze.xyz));
+            allowed *= 1.0 + PER_DEG * max(degrees(aside) - gaze.w, 0.0);
+        }
+        least = min(least, allowed);
     }
     return least;
 }
 
-// floor(log2(x)) of a positive number, exactly: its exponent's bits.
-fn floor_log2(x: f32) -> i32 {
-    return i32(bitcast<u32>(x) >> 23u) - 127;
+// The tolerance as levels: log2 of the texels of full resolution that it spans.
+fn tolerance_log2(panel: u32, pixel: vec2<f32>, footprint: f32) -> f32 {
+    return log2(max(tolerance_px(panel, pixel) * footprint, 1e-30)) + f32(frame.bias);
 }
 
-// The level a pixel is drawn at: the mip level and what distance hides. The tolerance is counted in pixels of which
-// true_px make one of the panel's (1, unless a preview asks for the true panel's level).
-fn level_of(panel: u32, pixel: vec2<f32>, mip: i32, true_px: f32) -> i32 {
-    let hidden = max(floor_log2(max(tolerance_px(panel, pixel) * true_px, 1.0)), 0);
-    return clamp(mip + hidden + frame.bias, 0, frame.top);
+// A: the larger side of a pixel in texels.
+fn flat_footprint(panel: u32) -> f32 {
+    let size = abs(panels[panel].scale);
+    return max(size.x, size.y);
+}
+
+// How much of a page is given over to its finer pages.
+fn ramp(edge_log2: f32, tolerance_log2: f32) -> f32 {
+    return clamp((edge_log2 - tolerance_log2) / frame.blend, 0.0, 1.0);
 }
 
 fn in_outline(panel: u32, pixel: vec2<f32>) -> bool {
@@ -250,10 +274,14 @@ fn place_on_shape(panel: u32, pixel: vec2<f32>) -> Place {
     return place;
 }
 
-// floor(log2 A), A the longer of the two steps; a thousandth of tolerance as for images on the surface.
+// A: the longer of the two steps.
+fn footprint_of(place: Place) -> f32 {
+    return clamp(sqrt(max(dot(place.right, place.right), dot(place.down, place.down))), 1e-30, 1e30);
+}
+
+// floor(log2 A); a thousandth of tolerance as for images on the surface.
 fn mip_of(place: Place, true_px: f32) -> i32 {
-    let footprint = sqrt(max(dot(place.right, place.right), dot(place.down, place.down))) / true_px;
-    return i32(floor(log2(clamp(footprint, 1e-30, 1e30)) + 1e-3));
+    return i32(floor(log2(footprint_of(place) / true_px) + 1e-3));
 }
 
 // ---------------------------------------------------------------- sampling
@@ -354,14 +382,26 @@ fn colour_of(slot: u32, texel: vec2<f32>, footprint: vec2<f32>, level: u32, coar
     return vec4<f32>(light, 1.0);
 }
 
-// The overlay of levels: the true panel's level, and how many levels coarser the page at hand is.
-fn tinted(colour: vec4<f32>, panel: u32, pixel: vec2<f32>, true_mip: i32, coarser: u32) -> vec4<f32> {
+// The overlay of levels. A preview of fewer pixels cannot show the finest levels of the true panel: where it draws its own
+// finest (mip), the tolerance tells what the true panel would draw.
+fn tinted(colour: vec4<f32>, level: u32, mip: i32, true_mip: i32, tolerance: f32, coarser: u32) -> vec4<f32> {
     if OVERLAY != 1u {
         return colour;
     }
-    let level = level_of(panel, pixel, true_mip, panels[panel].true_px) + i32(coarser);
-    let tint = levels[min(level, frame.top)].colour;
+    var shown = i32(level);
+    if shown <= mip {
+        shown = clamp(i32(floor(tolerance + 0.5 * frame.blend)), true_mip, shown);
+    }
+    let tint = levels[clamp(shown + i32(coarser), 0, frame.top)].colour;
     return vec4<f32>(mix(colour.rgb, tint.rgb, tint.a), colour.a);
+}
+
+// The part of a page in a pixel, from the shares that its finer pages (below) and all that is not coarser (above) have.
+fn share_of(below: f32, above: f32) -> f32 {
+    if OVERLAY == 2u {
+        return select(0.0, 1.0, above > 0.5 && below <= 0.5);
+    }
+    return above - below;
 }
 
 // ---------------------------------------------------------------- flat
@@ -388,13 +428,17 @@ fn flat_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) inde
 fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
     let quad = quads[vertex.quad];
     let pixel = vertex.position.xy - vec2<f32>(panels[quad.panel].quilt_px);
-    // Pages of neighbouring levels overlap: every pixel takes the one of its own level.
-    if level_of(quad.panel, pixel, panels[quad.panel].mip, 1.0) != i32(quad.level) || !in_outline(quad.panel, pixel) {
+    // Pages of neighbouring levels overlap; the shares of all that cover a pixel add up to one.
+    let tolerance = tolerance_log2(quad.panel, pixel, flat_footprint(quad.panel));
+    let share = share_of(ramp(quad.from_log2, tolerance), ramp(quad.until_log2, tolerance)) * quad.fade;
+    if share <= 0.0 || !in_outline(quad.panel, pixel) {
         discard;
     }
     let texel = quad.scale * pixel + quad.offset;
     let colour = colour_of(quad.slot, texel, abs(quad.scale), quad.level, quad.coarser, quad.panel);
-    return tinted(colour, quad.panel, pixel, panels[quad.panel].true_mip, quad.coarser);
+    let mip = panels[quad.panel].mip + frame.bias;
+    let seen = tinted(colour, quad.level, mip, panels[quad.panel].true_mip, tolerance, quad.coarser);
+    return vec4<f32>(share * seen.rgb, seen.a);
 }
 
 // ---------------------------------------------------------------- bent
@@ -418,25 +462,75 @@ fn page_number(cell: vec2<u32>, level: u32) -> u32 {
     return levels[level].first_page + cell.y * levels[level].columns + cell.x;
 }
 
+// The number of the page of a level that covers a texel; where the image lies on the surface, texels are counted from the
+// panel's first page, so that single precision suffices anywhere in a gigapixel image.
+fn cell_of(panel: u32, texel: vec2<f32>, level: u32) -> vec2<u32> {
+    if frame.shape != 0u {
+        return page_at(texel, level);
+    }
+    let fine = vec2<i32>(floor(texel / PAGE)) + panels[panel].first_page;
+    let most = vec2<i32>(i32(levels[level].columns), i32(levels[level].rows)) - 1;
+    return vec2<u32>(clamp(fine >> vec2<u32>(level), vec2<i32>(), most));
+}
+
+// Up to which share the pages of a level and of all finer ones fill a pixel.
+fn share_up_to(panel: u32, texel: vec2<f32>, level: u32, tolerance: f32) -> f32 {
+    if i32(level) >= frame.top {
+        return 1.0;
+    }
+    return ramp(finer[page_number(cell_of(panel, texel, level + 1u), level + 1u)], tolerance);
+}
+
+// A page as far as it has come and faded in, what is behind it where it has not.
+fn page_light(panel: u32, place: Place, level: u32, mip: i32, true_mip: i32, tolerance: f32) -> vec4<f32> {
+    var light = vec4<f32>();
+    var left = 1.0;
+    var step = 0u;
+    while left > 0.0 && i32(level + step) <= frame.top {
+        let cell = page_at(place.texel, level + step);
+        let entry = table[page_number(cell, level + step)];
+        if entry == NO_PAGE {
+            break;
+        }
+        let up = entry & 0x1fu;
+        let coarser = step + up;
+        let shrink = exp2(-f32(level + coarser));
+        let texel = place.texel * shrink - vec2<f32>(cell >> vec2<u32>(up)) * PAGE;
+        let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
+        let fade = select(f32((entry >> 5u) & 0x7fu) / 127.0, 1.0, OVERLAY == 2u);
+        let colour = colour_of(entry >> 12u, texel, footprint, level, coarser, panel);
+        light += left * fade * tinted(colour, level, mip, true_mip, tolerance, coarser);
+        left *= 1.0 - fade;
+        step = coarser + 1u;
+    }
+    return light;
+}
+
 @fragment
 fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
-    let pixel = vertex.position.xy - vec2<f32>(panels[vertex.panel].quilt_px);
-    let place = place_on_shape(vertex.panel, pixel);
-    if !place.seen || !in_outline(vertex.panel, pixel) {
+    let panel = vertex.panel;
+    let pixel = vertex.position.xy - vec2<f32>(panels[panel].quilt_px);
+    let place = place_on_shape(panel, pixel);
+    if !place.seen || !in_outline(panel, pixel) {
         discard;
     }
-    let level = u32(level_of(vertex.panel, pixel, mip_of(place, 1.0), 1.0));
-    let cell = page_at(place.texel, level);
-    let entry = table[page_number(cell, level)];
-    if entry == NO_PAGE {
+    let tolerance = tolerance_log2(panel, pixel, footprint_of(place));
+    let mip = clamp(mip_of(place, 1.0) + frame.bias, 0, frame.top);
+    let true_mip = mip_of(place, panels[panel].true_px);
+    var light = vec4<f32>();
+    var below = 0.0;
+    for (var level = u32(mip); i32(level) <= frame.top && below < 1.0; level++) {
+        let above = max(share_up_to(panel, place.texel, level, tolerance), below);
+        let share = share_of(below, above);
+        below = above;
+        if share > 0.0 {
+            light += share * page_light(panel, place, level, mip, true_mip, tolerance);
+        }
+    }
+    if light.a <= 0.0 {
         discard;
     }
-    let coarser = entry & 0xffu;
-    let shrink = exp2(-f32(level + coarser));
-    let texel = place.texel * shrink - vec2<f32>(cell >> vec2<u32>(coarser)) * PAGE;
-    let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
-    let colour = colour_of(entry >> 8u, texel, footprint, level, coarser, vertex.panel);
-    return tinted(colour, vertex.panel, pixel, mip_of(place, panels[vertex.panel].true_px), coarser);
+    return vec4<f32>(light.rgb, 1.0);
 }
 
 // ---------------------------------------------------------------- feedback
@@ -454,8 +548,8 @@ fn feedback(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var texel: vec2<f32>;
     var mip = panels[panel].mip;
+    var footprint = flat_footprint(panel);
     if frame.shape == 0u {
-        // Relative to a page, so that single precision suffices anywhere in a gigapixel image.
         texel = panels[panel].scale * pixel + panels[panel].offset;
         let whole = texel + vec2<f32>(panels[panel].first_page) * PAGE;
         if any(whole < vec2<f32>()) || any(whole >= frame.image_px) {
@@ -468,15 +562,15 @@ fn feedback(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         texel = place.texel;
         mip = mip_of(place, 1.0);
+        footprint = footprint_of(place);
     }
-    let level = u32(level_of(panel, pixel, mip, 1.0));
-    var cell: vec2<u32>;
-    if frame.shape == 0u {
-        let fine = vec2<i32>(floor(texel / PAGE)) + panels[panel].first_page;
-        let most = vec2<i32>(i32(levels[level].columns), i32(levels[level].rows)) - 1;
-        cell = vec2<u32>(clamp(fine >> vec2<u32>(level), vec2<i32>(), most));
-    } else {
-        cell = page_at(texel, level);
+    let tolerance = tolerance_log2(panel, pixel, footprint);
+    var below = 0.0;
+    for (var level = u32(clamp(mip + frame.bias, 0, frame.top)); i32(level) <= frame.top && below < 1.0; level++) {
+        let above = max(share_up_to(panel, texel, level, tolerance), below);
+        if above > below {
+            atomicAdd(&coverage[page_number(cell_of(panel, texel, level), level)], 1u);
+        }
+        below = above;
     }
-    atomicAdd(&coverage[page_number(cell, level)], 1u);
 }

@@ -19,8 +19,9 @@ from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 from limen.placement import OnShape, PanelMaps
 from limen.select.cut import Cut
+from limen.select.detail import BLEND_LEVELS
 from limen.select.image import View, shape_kind
-from limen.stream import Drawable
+from limen.stream import Drawable, PageTable
 from limen.tolerance import Tolerance
 
 __all__ = [
@@ -32,12 +33,14 @@ __all__ = [
     "frame_row",
     "level_colours",
     "level_rows",
+    "log2_tau",
     "page_quads",
     "page_table",
     "panel_rows",
 ]
 
 Rows: TypeAlias = NDArray[np.void]
+Index: TypeAlias = NDArray[np.int64]
 
 FRAME = np.dtype(
     [
@@ -53,7 +56,8 @@ FRAME = np.dtype(
         ("jitter_px", "<u4", 2),
         ("pool_columns", "<u4"),
         ("pool_rows", "<u4"),
-        ("padding", "<u4", 2),
+        ("blend", "<f4"),
+        ("padding", "<u4"),
     ]
 )
 PANEL = np.dtype(
@@ -83,11 +87,16 @@ PAGE_QUAD = np.dtype(
         ("level", "<u4"),
         ("slot", "<u4"),
         ("coarser", "<u4"),
+        ("from_log2", "<f4"),
+        ("until_log2", "<f4"),
+        ("fade", "<f4"),
+        ("padding", "<u4"),
     ]
 )
 LEVEL = np.dtype([("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("padding", "<u4"), ("colour", "<f4", 4)])
 
 _NO_PAGE = 0xFFFF_FFFF
+_ALWAYS = 1000.0
 _RAINBOW_LEVELS = 8
 _VIOLET_HUE = 0.78
 _SATURATION = 0.78
@@ -105,6 +114,7 @@ def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m
     row = np.zeros(1, FRAME)
     row["quilt_px"], row["image_px"] = quilt_px, view.pyramid.size_px
     row["eyes"], row["top"] = len(tolerance.tan_angle), len(view.pyramid.levels) - 1
+    row["blend"] = BLEND_LEVELS
     placement = view.placement
     if isinstance(placement, OnShape):
         row["shape"], row["turn"] = 1 + shape_kind(placement), math.radians(placement.turn_deg)
@@ -144,17 +154,21 @@ def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
 
 
 def eye_rows(view: View, quilt: Quilt, tolerance: Tolerance) -> NDArray[np.float32]:
-    """Every eye in the frame of every panel of a quilt: foot point (m), squared height (m2), pixels per metre.
+    """Every eye in the frame of every panel of a quilt, two rows of four numbers each.
 
-    Near the panel, single precision suffices; the room's origin may be far away. Shape (panels * eyes, 4).
+    Foot point and height (m), pixels per metre of distance; the gaze along right, down and normal, its slack (deg).
+    Near the panel, single precision suffices; the room's origin may be far away. Shape (2 * panels * eyes, 4).
     """
     arrays, chosen = view.display.arrays, list(quilt.panels)
+    right, down = arrays.right[chosen], arrays.down[chosen]
+    axes = np.stack([right, down, np.cross(down, right)], axis=1)
     relative = tolerance.eyes_m[None] - arrays.origin_m[chosen][:, None]
-    x = np.einsum("pei,pi->pe", relative, arrays.right[chosen])
-    y = np.einsum("pei,pi->pe", relative, arrays.down[chosen])
-    height2 = np.maximum(0.0, (relative**2).sum(axis=2) - x**2 - y**2)
-    reach = tolerance.tan_angle[None] / arrays.pitch_m[chosen][:, :1]
-    return np.stack([x, y, height2, reach], axis=2).reshape(-1, 4).astype(np.float32)
+    place = np.einsum("pei,pai->pea", relative, axes)
+    gaze = np.einsum("ei,pai->pea", tolerance.gaze, axes)
+    reach = tolerance.tan_angle[None] * view.sharpness[chosen, None] / arrays.pitch_m[chosen][:, :1]
+    slack = np.broadcast_to(tolerance.slack_deg, reach.shape)
+    rows = np.concatenate([place, reach[..., None], gaze, slack[..., None]], axis=2)
+    return rows.reshape(-1, 4).astype(np.float32)
 
 
 def level_rows(pyramid: Pyramid) -> Rows:
@@ -175,8 +189,9 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     assert view.maps is not None
     row_of = np.full(len(view.display.panels), -1)
     row_of[list(quilt.panels)] = np.arange(len(quilt.panels))
-    here = (row_of[cut.pair_panel] >= 0) & (drawable.slot >= 0)
-    panel, page = cut.pair_panel[here], cut.pair_page[here]
+    here = (row_of[cut.pair_panel[drawable.asked]] >= 0) & (drawable.slot >= 0)
+    pair = drawable.asked[here]
+    panel, page = cut.pair_panel[pair], cut.pair_page[pair]
     level, column, row = view.pyramid.page_of(page)
     cell = np.stack([column, row], axis=1)
     scale, offset = view.maps.scale[panel], view.maps.offset[panel]
@@ -194,13 +209,32 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     rows["scale"], rows["offset"] = scale * shrink, offset * shrink - (cell >> coarser[:, None]) * PAGE
     rows["panel"], rows["level"] = row_of[panel], level
     rows["slot"], rows["coarser"] = drawable.slot[here], coarser
+    rows["from_log2"], rows["until_log2"] = _ramps(view, cut, panel, page, level, cell)
+    rows["fade"] = drawable.share[here]
     return rows[(rows["rect_px"][:, :2] < rows["rect_px"][:, 2:]).all(axis=1)]
 
 
-def page_table(drawable: Drawable) -> NDArray[np.uint32]:
-    """One number a page: slot and how many levels coarser."""
-    packed = (drawable.slot.astype(np.int64) << 8) | drawable.coarser
-    return np.where(drawable.slot < 0, _NO_PAGE, packed).astype(np.uint32)
+def _ramps(view: View, cut: Cut, panel: Index, page: Index, level: Index, cell: Index) -> tuple[Floats, Floats]:
+    """The tolerances (log2 of texels) between which pages are drawn: their own tau, and their parent's."""
+    top = len(view.pyramid.levels) - 1
+    inner, parent = level < top, page.copy()
+    parent[inner] = view.pyramid.page_index(level[inner] + 1, cell[inner, 0] >> 1, cell[inner, 1] >> 1)
+    assert view.maps is not None
+    finest = np.clip(view.maps.mip_level[panel] + cut.bias, 0, top)
+    begin = np.where(level <= finest, -_ALWAYS, log2_tau(cut.detail.tau[page]))
+    return begin, np.where(inner, log2_tau(cut.detail.tau[parent]), _ALWAYS)
+
+
+def log2_tau(tau: Floats) -> Floats:
+    """For the shader: -1000 where nothing finer is ever drawn."""
+    return np.where(tau > 0, np.log2(np.maximum(tau, 1e-300)), -_ALWAYS)
+
+
+def page_table(table: PageTable) -> NDArray[np.uint32]:
+    """One number a page: slot (20 bits), how much has faded in (7 bits), how many levels coarser (5 bits)."""
+    fade = np.rint(table.fade * 127).astype(np.int64)
+    packed = (table.slot.astype(np.int64) << 12) | (fade << 5) | table.coarser
+    return np.where(table.slot < 0, _NO_PAGE, packed).astype(np.uint32)
 
 
 def _outline_edges(panel: Panel) -> Floats:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.select.detail import Detail
+
 __all__ = ["Cut"]
 
 
@@ -23,7 +25,10 @@ class Cut:
     pair_panel, pair_page
         Which page is drawn on which panel, shape (M,) each; empty where pixels look pages up for themselves.
     error_px
-        The error reached: the largest texel drawn, in panel pixels; 0 where the source has nothing finer.
+        The error reached: the largest texel drawn, in panel pixels, less where what it lacks is too faint to be seen as
+        soon; 0 where the source has nothing finer.
+    detail
+        What the pages were chosen by.
     bias
         Levels that were given up everywhere to stay within the budget.
     denied
@@ -35,6 +40,7 @@ class Cut:
     pair_panel: NDArray[np.int64]
     pair_page: NDArray[np.int64]
     error_px: float
+    detail: Detail
     bias: int = 0
     denied: int = 0
 

@@ -3,11 +3,16 @@
 References
 ----------
 Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, sections 3.2 and 4 (level, importance).
+
+Where they add ``floor(log2 A)`` and ``floor(log2 (D / Dopt))``, a pixel's footprint in texels and what distance hides,
+here both are added first: the coarsest texel that is still no larger than the tolerance is one number, and rounding
+twice would lose up to a level. Texel for pixel (A = 1) it is their formula.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +24,9 @@ from limen.geometry import Floats
 from limen.placement import OnShape, OnSurface, PanelMaps, Placement
 from limen.select import kernels
 from limen.select.cut import Cut
+from limen.select.detail import BLEND_LEVELS, Detail, level_shares, plain_detail
 from limen.tolerance import Tolerance
-from limen.vision.acuity import hidden_levels
+from limen.vision.resolution import ECCENTRICITY_PER_DEG, luminance_scale
 
 __all__ = [
     "Pairs",
@@ -31,6 +37,7 @@ __all__ = [
     "select_flat",
     "select_on_shape",
     "shape_kind",
+    "shares_at",
     "view_of",
 ]
 
@@ -45,11 +52,15 @@ class View(NamedTuple):
     pyramid: Pyramid
     placement: Placement
     maps: PanelMaps | None  # for images on the surface
+    detail: Detail
+    sharpness: Floats  # (P,): angles that stay invisible on each panel, over those under standard light
 
 
-def view_of(display: Display, pyramid: Pyramid, placement: Placement) -> View:
+def view_of(display: Display, pyramid: Pyramid, placement: Placement, detail: Detail | None = None) -> View:
+    """``detail`` tells where finer pages are seen; by default wherever the tolerance is finer than a page's texels."""
     maps = placement.panel_maps(display, pyramid.size_px) if isinstance(placement, OnSurface) else None
-    return View(display, pyramid, placement, maps)
+    sharpness = 1 / luminance_scale([panel.luminance_cd_m2 for panel in display.panels])
+    return View(display, pyramid, placement, maps, detail or plain_detail(pyramid), sharpness)
 
 
 def shape_kind(placement: OnShape) -> int:
@@ -85,7 +96,7 @@ def select(
         cut = _select_at(view, tolerance, bias, eye_m)
     if bias == 0:
         return cut
-    return Cut(cut.pages, cut.importance, cut.pair_panel, cut.pair_page, cut.error_px, bias, len(wanted) - len(cut))
+    return replace(cut, bias=bias, denied=len(wanted) - len(cut))
 
 
 def _select_at(view: View, tolerance: Tolerance, bias: int, eye_m: tuple[float, float, float] | None) -> Cut:
@@ -105,16 +116,14 @@ class Pairs(NamedTuple):
 def flat_pairs(view: View, tolerance: Tolerance, bias: int = 0) -> Pairs:
     """What `select_flat` chooses from, before pages that several panels share are put together."""
     assert view.maps is not None
-    arrays, maps = view.display.arrays, view.maps
-    pages_of = _level_arrays(view.pyramid)
+    maps = view.maps
+    fixed = (_panels(view.display.arrays.origin_m, view), maps.scale, maps.offset, maps.mip_level)
+    eyes, pages = _eyes(tolerance), _pages(view)
+    image_px = np.array(view.pyramid.size_px, dtype=np.int64)
     room = 8192
     while True:
         panel, page, area = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room)
-        count = kernels.flat_pairs(
-            arrays.origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px,
-            maps.scale, maps.offset, maps.mip_level, tolerance.eyes_m, tolerance.tan_angle,
-            *pages_of, np.array(view.pyramid.size_px, dtype=np.int64), bias, panel, page, area,
-        )  # fmt: skip
+        count = kernels.flat_pairs(*fixed, eyes, pages, image_px, bias, panel, page, area)
         if count <= room:
             return Pairs(panel[:count], page[:count], area[:count])
         room = count
@@ -126,7 +135,7 @@ def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
     assert view.maps is not None
     pages, inverse = np.unique(page, return_inverse=True)
     importance = np.bincount(inverse, weights=area, minlength=len(pages)).astype(np.float64)
-    return _cut(view.pyramid, pages, importance, panel, page, float(np.abs(view.maps.scale).max(axis=1).min()))
+    return _cut(view, pages, importance, panel, page, float(view.maps.footprint.min()))
 
 
 def select_on_shape(
@@ -141,7 +150,6 @@ def select_on_shape(
     """
     placement = view.placement
     assert isinstance(placement, OnShape)
-    arrays = view.display.arrays
     local = placement.local_from_room()
     closed = placement.kind != "plane" and placement.turn_deg == 360
     shape = kernels.Shape(
@@ -154,24 +162,35 @@ def select_on_shape(
     )
     coverage = np.zeros(view.pyramid.page_count)
     kernels.shape_pages(
-        view.display.nudged_origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px,
-        shape, _level_arrays(view.pyramid), tolerance.eyes_m, tolerance.tan_angle, bias, coverage,
-    )  # fmt: skip
+        _panels(view.display.nudged_origin_m, view), shape, _pages(view), _eyes(tolerance), bias, coverage
+    )
     pages = np.flatnonzero(coverage)
-    return _cut(view.pyramid, pages, coverage[pages], _NONE, _NONE, 1.0)
+    return _cut(view, pages, coverage[pages], _NONE, _NONE, 1.0)
 
 
-def _level_arrays(pyramid: Pyramid) -> kernels.Pages:
-    levels = pyramid.levels
+def _panels(origin_m: Floats, view: View) -> kernels.Panels:
+    arrays = view.display.arrays
+    return kernels.Panels(origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px, view.sharpness)
+
+
+def _eyes(tolerance: Tolerance) -> kernels.Eyes:
+    per_deg = np.where(tolerance.gaze.any(axis=1), ECCENTRICITY_PER_DEG, 0.0)
+    return kernels.Eyes(tolerance.eyes_m, tolerance.tan_angle, tolerance.gaze, tolerance.slack_deg, per_deg)
+
+
+def _pages(view: View) -> kernels.Pages:
+    levels = view.pyramid.levels
     return kernels.Pages(
         np.array([level.columns for level in levels], dtype=np.int64),
         np.array([level.rows for level in levels], dtype=np.int64),
         np.array([level.first_page for level in levels], dtype=np.int64),
+        *view.detail,
+        2.0**-BLEND_LEVELS,
     )
 
 
 def _cut(
-    pyramid: Pyramid,
+    view: View,
     pages: NDArray[np.int64],
     importance: NDArray[np.float64],
     panel: NDArray[np.int64],
@@ -180,21 +199,39 @@ def _cut(
 ) -> Cut:
     order = np.argsort(-importance, kind="stable")
     pages = pages[order]
-    firsts = np.array([level.first_page for level in pyramid.levels])
-    coarsest = int(np.searchsorted(firsts, pages, side="right").max(initial=1)) - 1
-    error_px = 2.0**coarsest / texels_per_px if coarsest else 0.0
-    return Cut(pages, importance[order], panel, page, error_px)
+    error_px = float(view.detail.tau[pages].max(initial=0.0)) / texels_per_px
+    return Cut(pages, importance[order], panel, page, error_px, view.detail)
 
 
-def levels_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> NDArray[np.int64]:
-    """The level drawn at places of a panel, for an image on the surface: (..., 2) pixels to (...) levels; -1 outside.
+def shares_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> Floats:
+    """How much of each level is drawn at places of a panel, for an image on the surface: the definition.
 
-    The formula itself (Papadopoulos, Kaufman 2013, section 3.2), pixel by pixel: for maps of levels and for tests.
+    Parameters
+    ----------
+    position_px
+        Shape (..., 2).
+
+    Returns
+    -------
+    Shape (levels, ...): shares that sum to 1 inside the image, and to 0 outside.
     """
     assert view.maps is not None
     chosen = view.display.panels[panel]
-    hidden = hidden_levels(tolerance.allowed_px(chosen.position_m(position_px), chosen.pitch_m[0]))
     texel = position_px * view.maps.scale[panel] + view.maps.offset[panel]
     inside = ((texel >= 0) & (texel < np.array(view.pyramid.size_px))).all(axis=-1)
-    levels = np.clip(view.maps.mip_level[panel] + hidden, 0, len(view.pyramid.levels) - 1)
-    return np.where(inside, levels, -1)
+    allowed = tolerance.allowed_px(chosen.position_m(position_px), chosen.pitch_m[0])
+    allowed = allowed * (view.sharpness[panel] * view.maps.footprint[panel])
+    shares = level_shares(view.pyramid, view.detail, np.where(inside[..., None], texel, 0.0), allowed)
+    finest = min(max(int(view.maps.mip_level[panel]), 0), len(shares) - 1)
+    shares[finest] += shares[:finest].sum(axis=0)
+    shares[:finest] = 0.0
+    return np.where(inside, shares, 0.0)
+
+
+def levels_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> NDArray[np.int64]:
+    """The level that prevails at places of a panel: half of what is drawn there is as fine or finer.
+
+    For an image on the surface; (..., 2) pixels to (...) levels, -1 outside. For maps of levels and for tests.
+    """
+    shares = shares_at(view, tolerance, panel, position_px)
+    return np.where(shares.any(axis=0), (shares.cumsum(axis=0) > 0.5).argmax(axis=0), -1)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from limen.geometry import Floats
 
-__all__ = ["Pages", "Shape", "flat_pairs", "shape_pages"]
+__all__ = ["Eyes", "Pages", "Panels", "Shape", "flat_pairs", "shape_pages"]
 
 _SLACK = 1e-5
 _EDGE_PX = 1e-4
@@ -24,20 +24,67 @@ _MIP_SLACK = 2e-2
 _MIN_CELL_PX = 16.0
 _FIRST_CELL_PX = 256.0
 _STACK = 256
+_PARTS = 4
 _ALMOST_ONE = 1.0 - 1e-12
 
 
+class Eyes(NamedTuple):
+    """Who looks; see `limen.tolerance.Tolerance`."""
+
+    position_m: Floats  # (E, 3)
+    tan_angle: Floats  # (E,)
+    gaze: Floats  # (E, 3)
+    slack_deg: Floats  # (E,)
+    per_deg: Floats  # (E,): growth of the tolerance with each degree from the gaze
+
+
+class Panels(NamedTuple):
+    """Where panels are, one row each; see `limen.display.PanelArrays`."""
+
+    origin_m: Floats
+    right: Floats
+    down: Floats
+    pitch_m: Floats
+    size_px: NDArray[np.int64]
+    sharpness: Floats  # (P,): the angles that stay invisible on this panel over those under standard light
+
+
+class Pages(NamedTuple):
+    """A pyramid's numbering, one entry a level, and its `limen.select.detail.Detail`."""
+
+    columns: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    first: NDArray[np.int64]
+    tau: Floats  # one entry a page
+    least: Floats
+    begin: float  # where a page begins to be drawn, over its tau
+
+
 @njit(cache=True, nogil=True)
-def _rect_tolerance(x0, y0, x1, y1, eye_x, eye_y, height2, reach):
-    """Smallest and (an upper bound of the) largest tolerance over a rectangle of a panel's plane, metres in."""
+def _rect_tolerance(x0, y0, x1, y1, seen):
+    """A lower and an upper bound of the tolerance over a rectangle of a panel's plane; corners in metres.
+
+    ``seen`` holds the eyes in the panel's frame, see `_eyes_on_panel`.
+    """
     low, high = 0.0, 0.0
-    for k in range(len(reach)):
-        near_x = max(0.0, max(x0 - eye_x[k], eye_x[k] - x1))
-        near_y = max(0.0, max(y0 - eye_y[k], eye_y[k] - y1))
-        far_x = max(abs(x0 - eye_x[k]), abs(x1 - eye_x[k]))
-        far_y = max(abs(y0 - eye_y[k]), abs(y1 - eye_y[k]))
-        near = reach[k] * math.sqrt(height2[k] + near_x * near_x + near_y * near_y)
-        far = reach[k] * math.sqrt(height2[k] + far_x * far_x + far_y * far_y)
+    for k in range(len(seen)):
+        x, y, height, reach = seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3]
+        near_x = max(0.0, max(x0 - x, x - x1))
+        near_y = max(0.0, max(y0 - y, y - y1))
+        far_x = max(abs(x0 - x), abs(x1 - x))
+        far_y = max(abs(y0 - y), abs(y1 - y))
+        near = reach * math.sqrt(height * height + near_x * near_x + near_y * near_y)
+        far = reach * math.sqrt(height * height + far_x * far_x + far_y * far_y)
+        if seen[k, 8] > 0.0:
+            # All of the rectangle lies within `around` of the direction to its middle.
+            mx, my = 0.5 * (x0 + x1) - x, 0.5 * (y0 + y1) - y
+            distance = max(math.sqrt(mx * mx + my * my + height * height), 1e-9)
+            ahead = (mx * seen[k, 4] + my * seen[k, 5] - height * seen[k, 6]) / distance
+            beside = math.acos(min(max(ahead, -1.0), 1.0))
+            reaching = 0.5 * math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2) / distance
+            around = math.asin(reaching) if reaching < 1.0 else math.pi
+            near *= 1.0 + seen[k, 8] * max(0.0, math.degrees(beside - around) - seen[k, 7])
+            far *= 1.0 + seen[k, 8] * max(0.0, min(180.0, math.degrees(beside + around)) - seen[k, 7])
         if k == 0 or near < low:
             low = near
         if k == 0 or far < high:
@@ -46,62 +93,101 @@ def _rect_tolerance(x0, y0, x1, y1, eye_x, eye_y, height2, reach):
 
 
 @njit(cache=True, nogil=True)
-def _hidden_levels(tolerance_px):
-    """``floor(max(0, log2(tolerance)))``, exactly."""
-    if tolerance_px < 2.0:
-        return 0
-    return math.frexp(tolerance_px)[1] - 1
+def _eyes_on_panel(p, panels, eyes, seen):
+    """The eyes in the frame of panel ``p``, one a row.
+
+    Foot point and height (m), pixels per metre of distance; the gaze along right, down and normal, its slack (deg),
+    the growth of the tolerance (per degree).
+    """
+    right, down = panels.right[p], panels.down[p]
+    nx = down[1] * right[2] - down[2] * right[1]
+    ny = down[2] * right[0] - down[0] * right[2]
+    nz = down[0] * right[1] - down[1] * right[0]
+    for k in range(len(eyes.tan_angle)):
+        rx = eyes.position_m[k, 0] - panels.origin_m[p, 0]
+        ry = eyes.position_m[k, 1] - panels.origin_m[p, 1]
+        rz = eyes.position_m[k, 2] - panels.origin_m[p, 2]
+        gx, gy, gz = eyes.gaze[k, 0], eyes.gaze[k, 1], eyes.gaze[k, 2]
+        seen[k, 0] = rx * right[0] + ry * right[1] + rz * right[2]
+        seen[k, 1] = rx * down[0] + ry * down[1] + rz * down[2]
+        seen[k, 2] = rx * nx + ry * ny + rz * nz
+        seen[k, 3] = eyes.tan_angle[k] * panels.sharpness[p] / panels.pitch_m[p, 0]
+        seen[k, 4] = gx * right[0] + gy * right[1] + gz * right[2]
+        seen[k, 5] = gx * down[0] + gy * down[1] + gz * down[2]
+        seen[k, 6] = gx * nx + gy * ny + gz * nz
+        seen[k, 7] = eyes.slack_deg[k]
+        seen[k, 8] = eyes.per_deg[k]
 
 
 @njit(cache=True, nogil=True)
-def _eyes_on_panel(p, origin_m, right, down, pitch_m, eyes_m, tan_angle, eye_x, eye_y, height2, reach):
-    """The eyes in the frame of panel ``p``; ``reach`` turns a distance into pixels."""
-    for k in range(len(tan_angle)):
-        rx = eyes_m[k, 0] - origin_m[p, 0]
-        ry = eyes_m[k, 1] - origin_m[p, 1]
-        rz = eyes_m[k, 2] - origin_m[p, 2]
-        eye_x[k] = rx * right[p, 0] + ry * right[p, 1] + rz * right[p, 2]
-        eye_y[k] = rx * down[p, 0] + ry * down[p, 1] + rz * down[p, 2]
-        height2[k] = max(0.0, rx * rx + ry * ry + rz * rz - eye_x[k] ** 2 - eye_y[k] ** 2)
-        reach[k] = tan_angle[k] / pitch_m[p, 0]
+def _is_drawn(pages, level, column, row, finest, low, high):
+    """Whether some pixel draws a page, where the tolerance lies from ``low`` to ``high`` texels of full resolution.
+
+    ``finest`` is the finest level that the pixels can show.
+    """
+    top = len(pages.columns) - 1
+    if level < top:
+        parent = pages.first[level + 1] + (row >> 1) * pages.columns[level + 1] + (column >> 1)
+        if low >= pages.tau[parent]:
+            return False
+    own = pages.tau[pages.first[level] + row * pages.columns[level] + column]
+    return level <= finest or own == 0.0 or high > own * pages.begin
 
 
 @njit(cache=True, nogil=True)
-def flat_pairs(origin_m, right, down, pitch_m, size_px, scale, offset, mip, eyes_m, tan_angle,
-               columns, rows, first, image_px, bias, panel_out, page_out, area_out):  # fmt: skip
+def _drawn_in(rect, pages, level, column, row, finest, texels, seen):
+    """Whether some pixel in a rectangle of the panel (metres) draws a page.
+
+    The bounds of the tolerance over all of it may be wide, so where they alone say yes its sixteen parts are asked.
+    """
+    x0, y0, x1, y1 = rect
+    least, most = _rect_tolerance(x0, y0, x1, y1, seen)
+    if not _is_drawn(pages, level, column, row, finest, least * texels, most * texels):
+        return False
+    if _is_drawn(pages, level, column, row, finest, most * texels, least * texels):
+        return True  # all of its pixels do
+    dx, dy = (x1 - x0) / _PARTS, (y1 - y0) / _PARTS
+    for part in range(_PARTS * _PARTS):
+        left, above = x0 + dx * (part % _PARTS), y0 + dy * (part // _PARTS)
+        least, most = _rect_tolerance(left, above, left + dx, above + dy, seen)
+        if _is_drawn(pages, level, column, row, finest, least * texels, most * texels):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_out, page_out, area_out):
     """Every (panel, page) that some pixel needs, for images on the display's surface.
 
-    The pixels of a level lie in a ring around the eye's foot point, so 'does a pixel of this page need this
-    level' is an interval test on the distances to a rectangle.
+    The pixels that draw a page have tolerances in an interval, so whether there is one is asked of the least and the
+    largest tolerance over the part of the panel that the page covers.
 
     Returns the number of pairs; if it exceeds the room in the outputs, only those that fit were written.
     """
-    eyes = len(tan_angle)
-    eye_x, eye_y, height2, reach = np.empty(eyes), np.empty(eyes), np.empty(eyes), np.empty(eyes)
-    top = len(columns) - 1
+    seen = np.empty((len(eyes.tan_angle), 9))
+    top = len(pages.columns) - 1
     count = 0
-    for p in range(len(origin_m)):
-        _eyes_on_panel(p, origin_m, right, down, pitch_m, eyes_m, tan_angle, eye_x, eye_y, height2, reach)
-        px, py = pitch_m[p, 0], pitch_m[p, 1]
-        width, height = size_px[p, 0], size_px[p, 1]
-        low, high = _rect_tolerance(
-            0.5 * px, 0.5 * py, (width - 0.5) * px, (height - 0.5) * py, eye_x, eye_y, height2, reach
-        )
-        base = mip[p] + bias
-        finest = min(max(base + _hidden_levels(low), 0), top)
-        coarsest = min(max(base + _hidden_levels(high), 0), top)
+    for p in range(len(panels.origin_m)):
+        _eyes_on_panel(p, panels, eyes, seen)
+        px, py = panels.pitch_m[p, 0], panels.pitch_m[p, 1]
+        width, height = panels.size_px[p, 0], panels.size_px[p, 1]
         sx, sy, ox, oy = scale[p, 0], scale[p, 1], offset[p, 0], offset[p, 1]
         u0, u1 = max(sx * 0.5 + ox, 0.0), min(sx * (width - 0.5) + ox, image_px[0] - 1e-6)
         v0, v1 = max(sy * 0.5 + oy, 0.0), min(sy * (height - 0.5) + oy, image_px[1] - 1e-6)
         if u0 > u1 or v0 > v1:
             continue
-        for level in range(finest, coarsest + 1):
-            # The tolerances at which this level is drawn: the ends of the pyramid take what lies beyond.
-            least = 0.0 if level == 0 or level <= base else 2.0 ** (level - base)
-            most = math.inf if level == top else 2.0 ** (level - base + 1)
+        texels = max(abs(sx), abs(sy)) * 2.0**bias
+        finest = min(max(mip[p] + bias, 0), top)
+        low, high = _rect_tolerance(0.5 * px, 0.5 * py, (width - 0.5) * px, (height - 0.5) * py, seen)
+        low, high = low * texels, high * texels
+        for level in range(finest, top + 1):
+            if level < top and low >= 2.0 ** (level + 1):
+                continue  # no page's tau exceeds 2 ** level
+            if level > finest and pages.least[level] > 0.0 and high <= pages.least[level] * pages.begin:
+                continue
             span = 256.0 * 2.0**level
-            c0, c1 = int(u0 // span), min(int(u1 // span), columns[level] - 1)
-            r0, r1 = int(v0 // span), min(int(v1 // span), rows[level] - 1)
+            c0, c1 = int(u0 // span), min(int(u1 // span), pages.columns[level] - 1)
+            r0, r1 = int(v0 // span), min(int(v1 // span), pages.rows[level] - 1)
             for r in range(r0, r1 + 1):
                 # First and last pixel whose centre lies in the page (and in the image).
                 j0 = max(0, math.ceil((max(r * span, 0.0) - oy) / sy - 0.5 - _EDGE_PX))
@@ -109,26 +195,18 @@ def flat_pairs(origin_m, right, down, pitch_m, size_px, scale, offset, mip, eyes
                 if j0 > j1:
                     continue
                 for c in range(c0, c1 + 1):
+                    if not _is_drawn(pages, level, c, r, finest, low, high):
+                        continue
                     i0 = max(0, math.ceil((max(c * span, 0.0) - ox) / sx - 0.5 - _EDGE_PX))
                     i1 = min(width, math.ceil((min((c + 1) * span, image_px[0]) - ox) / sx - 0.5 + _EDGE_PX)) - 1
                     if i0 > i1:
                         continue
-                    if eyes:
-                        low, high = _rect_tolerance(
-                            (i0 + 0.5) * px,
-                            (j0 + 0.5) * py,
-                            (i1 + 0.5) * px,
-                            (j1 + 0.5) * py,
-                            eye_x,
-                            eye_y,
-                            height2,
-                            reach,
-                        )
-                        if high < least or low >= most:
-                            continue
+                    rect = ((i0 + 0.5) * px, (j0 + 0.5) * py, (i1 + 0.5) * px, (j1 + 0.5) * py)
+                    if len(seen) and not _drawn_in(rect, pages, level, c, r, finest, texels, seen):
+                        continue
                     if count < len(panel_out):
                         panel_out[count] = p
-                        page_out[count] = first[level] + r * columns[level] + c
+                        page_out[count] = pages.first[level] + r * pages.columns[level] + c
                         area_out[count] = (i1 - i0 + 1.0) * (j1 - j0 + 1.0)
                     count += 1
     return count
@@ -143,14 +221,6 @@ class Shape(NamedTuple):
     turn: float  # radians of the circle that the image's width covers
     image_px: NDArray[np.int64]
     period: float  # the image's width where it closes on itself, else 0
-
-
-class Pages(NamedTuple):
-    """A pyramid's numbering, one entry a level."""
-
-    columns: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    first: NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
@@ -203,8 +273,8 @@ def _footprint_level(shape, position, across, below, u, v):
 
 @njit(cache=True, nogil=True)
 def _survey(shape, origin, across, below, x0, y0, x1, y1):
-    """Nine pixels of a cell: hits, the range of mip levels, and the box of texels (u relative to an anchor)."""
-    hits, finest, coarsest = 0, 1 << 30, -(1 << 30)
+    """Nine pixels of a cell: hits, the range of log2 A, and the box of texels (u relative to an anchor)."""
+    hits, finest, coarsest = 0, math.inf, -math.inf
     anchor, u_low, u_high, v_low, v_high = 0.0, 0.0, 0.0, 0.0, 0.0
     for sample in range(9):
         x = x0 + 0.5 + (x1 - x0 - 1.0) * 0.5 * (sample % 3)
@@ -218,8 +288,7 @@ def _survey(shape, origin, across, below, x0, y0, x1, y1):
         if not hit:
             continue
         mip = _footprint_level(shape, position, across, below, u, v)
-        finest = min(finest, math.floor(mip - _MIP_SLACK))
-        coarsest = max(coarsest, math.floor(mip + _MIP_SLACK))
+        finest, coarsest = min(finest, mip - _MIP_SLACK), max(coarsest, mip + _MIP_SLACK)
         if hits == 0:
             anchor, v_low, v_high = u, v, v
         step = _wrapped(u - anchor, shape.period)
@@ -230,8 +299,9 @@ def _survey(shape, origin, across, below, x0, y0, x1, y1):
 
 
 @njit(cache=True, nogil=True)
-def _add_box(shape, pages, level, u_low, u_high, v_low, v_high, area, coverage):
-    """Count ``area`` pixels for every page of a level that a box of texels touches."""
+def _add_box(shape, pages, level, box, area, finest, low, high, coverage):
+    """Count ``area`` pixels for every page of a level that a box of texels touches and that is drawn."""
+    u_low, u_high, v_low, v_high = box
     span = 256.0 * 2.0**level
     columns = pages.columns[level]
     slop = 0.02 * max(u_high - u_low, v_high - v_low) + 0.01
@@ -248,61 +318,71 @@ def _add_box(shape, pages, level, u_low, u_high, v_low, v_high, area, coverage):
     r1 = min(math.floor((v_high + slop) / span), pages.rows[level] - 1)
     for r in range(r0, r1 + 1):
         for c in range(c0, c1 + 1):
-            coverage[pages.first[level] + r * columns + c % columns] += area
+            if _is_drawn(pages, level, c % columns, r, finest, low, high):
+                coverage[pages.first[level] + r * columns + c % columns] += area
 
 
 @njit(cache=True, nogil=True)
-def _visit(shape, pages, origin, across, below, cell, pitch, eye_x, eye_y, height2, reach, bias, coverage):
+def _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
     """Count a cell's pages, or say False: it must be cut."""
     x0, y0, x1, y1 = cell[0], cell[1], cell[2], cell[3]
-    hits, finest_mip, coarsest_mip, u_low, u_high, v_low, v_high = _survey(shape, origin, across, below, x0, y0, x1, y1)
+    hits, fine_mip, coarse_mip, u_low, u_high, v_low, v_high = _survey(shape, origin, across, below, x0, y0, x1, y1)
     smallest = max(x1 - x0, y1 - y0) <= _MIN_CELL_PX
     if hits == 0:
         return smallest
     low, high = 0.0, 0.0
-    if len(reach):
+    if len(seen):
         low, high = _rect_tolerance((x0 + 0.5) * pitch[0], (y0 + 0.5) * pitch[1], (x1 - 0.5) * pitch[0],
-                                    (y1 - 0.5) * pitch[1], eye_x, eye_y, height2, reach)  # fmt: skip
+                                    (y1 - 0.5) * pitch[1], seen)  # fmt: skip
+        low, high = low * 2.0 ** (fine_mip + bias), high * 2.0 ** (coarse_mip + bias)
     top = len(pages.columns) - 1
-    finest = min(max(finest_mip + _hidden_levels(low) + bias, 0), top)
-    coarsest = min(max(coarsest_mip + _hidden_levels(high) + bias, 0), top)
+    finest = min(max(math.floor(fine_mip) + bias, 0), top)
+    coarsest = min(max(math.floor(coarse_mip) + bias, 0), top)
     if not smallest:
-        span = 256.0 * 2.0**finest
+        span = 256.0 * 2.0 ** max(finest, min(_floor_log2(low), top))
         extent = max(u_high - u_low, v_high - v_low)
         one_page = math.floor(u_low / span) == math.floor(u_high / span) and math.floor(v_low / span) == math.floor(
             v_high / span
         )
-        if hits < 9 or finest != coarsest or not (one_page or extent <= span / 4):
+        one_level = max(finest, _floor_log2(low)) == max(coarsest, _floor_log2(high))
+        if hits < 9 or not one_level or not (one_page or extent <= span / 4):
             return False
-    for level in range(finest, coarsest + 1):
-        _add_box(shape, pages, level, u_low, u_high, v_low, v_high, (x1 - x0) * (y1 - y0), coverage)
+    for level in range(finest, top + 1):
+        # Where the cell spans levels of pixels, each may be the finest that some pixel shows.
+        _add_box(shape, pages, level, (u_low, u_high, v_low, v_high), (x1 - x0) * (y1 - y0),
+                 coarsest if level <= coarsest else finest, low, high, coverage)  # fmt: skip
     return True
 
 
 @njit(cache=True, nogil=True)
-def shape_pages(origin_m, right, down, pitch_m, size_px, shape, pages, eyes_m, tan_angle, bias, coverage):
+def _floor_log2(value):
+    """The exponent of a tolerance; 0 below 1."""
+    return math.frexp(value)[1] - 1 if value >= 1.0 else 0
+
+
+@njit(cache=True, nogil=True)
+def shape_pages(panels, shape, pages, eyes, bias, coverage):
     """Adds to ``coverage`` (one entry a page) the pixels that need each page of an image on a shape.
 
     A panel is cut into cells until a cell lies in one page, or within a quarter of a page, of one level, or is
     16 pixels wide; all pages that a cell's box of texels touches are counted, so the answer errs toward too many.
     """
-    eyes = len(tan_angle)
-    eye_x, eye_y, height2, reach = np.empty(eyes), np.empty(eyes), np.empty(eyes), np.empty(eyes)
+    seen = np.empty((len(eyes.tan_angle), 9))
     stack = np.empty((_STACK, 4))
-    for p in range(len(origin_m)):
-        _eyes_on_panel(p, origin_m, right, down, pitch_m, eyes_m, tan_angle, eye_x, eye_y, height2, reach)
-        across, below = right[p] * pitch_m[p, 0], down[p] * pitch_m[p, 1]
-        for start in range(math.ceil(size_px[p, 0] / _FIRST_CELL_PX) * math.ceil(size_px[p, 1] / _FIRST_CELL_PX)):
-            columns = math.ceil(size_px[p, 0] / _FIRST_CELL_PX)
+    for p in range(len(panels.origin_m)):
+        _eyes_on_panel(p, panels, eyes, seen)
+        pitch, size_px, origin = panels.pitch_m[p], panels.size_px[p], panels.origin_m[p]
+        across, below = panels.right[p] * pitch[0], panels.down[p] * pitch[1]
+        for start in range(math.ceil(size_px[0] / _FIRST_CELL_PX) * math.ceil(size_px[1] / _FIRST_CELL_PX)):
+            columns = math.ceil(size_px[0] / _FIRST_CELL_PX)
             x, y = (start % columns) * _FIRST_CELL_PX, (start // columns) * _FIRST_CELL_PX
             stack[0, 0], stack[0, 1] = x, y
-            stack[0, 2], stack[0, 3] = min(x + _FIRST_CELL_PX, size_px[p, 0]), min(y + _FIRST_CELL_PX, size_px[p, 1])
+            stack[0, 2], stack[0, 3] = min(x + _FIRST_CELL_PX, size_px[0]), min(y + _FIRST_CELL_PX, size_px[1])
             depth = 1
             while depth:
                 depth -= 1
                 cell = (stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3])
-                if not _visit(shape, pages, origin_m[p], across, below, cell, pitch_m[p],
-                              eye_x, eye_y, height2, reach, bias, coverage):  # fmt: skip
+                if not _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
                     depth = _cut_cell(cell, stack, depth)
 
 

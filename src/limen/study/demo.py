@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -19,6 +17,7 @@ from PIL import Image as Picture
 
 from limen.data import ingest, sample_image
 from limen.data.image import Image, open_image
+from limen.data.machine import cache_folder
 from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.errors import NeedsIngestError
@@ -32,13 +31,21 @@ from limen.select.image import levels_at, select, view_of
 from limen.study.moments import Moment, level_tints, telling_moments
 from limen.study.plots import traffic_picture
 from limen.study.report import Crop, Scene, Story, write_report
-from limen.study.traffic import PAPER_PAGE_BYTES, Report, count_traffic, one_to_one_view, page_bytes_of, policies_of
+from limen.study.traffic import (
+    PAPER_PAGE_BYTES,
+    Report,
+    count_traffic,
+    detail_of,
+    one_to_one_view,
+    page_bytes_of,
+    policies_of,
+)
 from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Session
 from limen.track.walk import session_named
 from limen.units import arcmin_to_rad
 
-__all__ = ["DemoResult", "Watch", "cache_folder", "run_demo"]
+__all__ = ["DemoResult", "Watch", "run_demo"]
 
 Rgb = NDArray[np.uint8]
 
@@ -65,18 +72,6 @@ class DemoResult:
     pictures: list[Path]
     traffic: list[Report]
     seconds: float
-
-
-def cache_folder() -> Path:
-    """Where what can be made again is kept: ``$XDG_CACHE_HOME/limen``, or else a temporary folder."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    wanted = Path(base) / "limen" if base else Path("~/.cache/limen").expanduser()
-    try:
-        wanted.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        wanted = Path(tempfile.gettempdir()) / f"limen-cache-{os.getuid() if hasattr(os, 'getuid') else 0}"
-        wanted.mkdir(parents=True, exist_ok=True)
-    return wanted
 
 
 def run_demo(content: Path | None, out: Path, watch: Watch, placement: OnSurface | None = None) -> DemoResult:
@@ -199,9 +194,12 @@ class _Tour:
     def traffic(self, watch: Watch) -> Report:
         """What this walk over this image would move, frame by frame."""
         policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"])
+        policies += policies_of(["acuity+gaze", "contrast+gaze"], ["0.64"])
         page_bytes = page_bytes_of(self.image)
+        with watch("looking for contrast", 1.0) as step:
+            detail = detail_of(self.image, self.display, progress=_fraction(step))
         with watch("counting pages of the walk", len(self.session.times_s(30.0))) as step:
-            counts = count_traffic(self.view, self.session, policies, advance=lambda: step(1))
+            counts = count_traffic(self.view, self.session, policies, detail=detail, advance=lambda: step(1))
         return Report(self.image.path.name, self.view, 30.0, page_bytes, False, (counts,))
 
     def _draw_previews(self, moment: Moment, renderer: Renderer, watch: Watch) -> dict[str, Rgb]:
@@ -239,7 +237,7 @@ def _papers_traffic(watch: Watch) -> Report:
     display = Display.preset("reality-deck")
     walls = display.select(["front/*", "left/*", "right/*"])
     view = one_to_one_view(walls)
-    policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"])
+    policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"]) + policies_of(["acuity+gaze"], ["0.64"])
     sessions = [session_named(name, display) for name in "ABC"]
     rate_hz = 10.0
     with watch(

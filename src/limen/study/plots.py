@@ -34,6 +34,9 @@ __all__ = ["format_of", "traffic_picture", "traffic_plot", "walk_picture", "walk
 
 Format = Literal["png", "svg"]
 
+_LINE_IN = 0.29
+"""Height of a line of text beside a strip, inches."""
+
 _INK, _GREY = "#222222", "#8a8a8a"
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _STYLE: dict[Any, Any] = {
@@ -91,11 +94,13 @@ def traffic_picture(report: Report, kind: Format = "svg") -> bytes:
     """
     with rc_context(_STYLE):
         count = len(report.counts)
-        figure = Figure(figsize=(9.0, 1.1 + 2.0 * count), layout="constrained")
+        lines = 1 + max(len(counts.policies) for counts in report.counts)
+        height = max(2.0, _LINE_IN * lines)
+        figure = Figure(figsize=(9.0, 1.1 + height * count), layout="constrained")
         strips = figure.subplots(count, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         limits = _limits(report.counts)
         for strip, counts in zip(strips, report.counts, strict=True):
-            _strip(strip, counts, report.page_bytes, limits)
+            _strip(strip, counts, report.page_bytes, limits, height)
         strips[-1].set_xlabel("time, s")
         display = report.view.display
         size = f"{len(display.panels)} panels, {display.total_px / 1e9:.3g} gigapixels"
@@ -110,7 +115,7 @@ def _limits(counts: Sequence[Counts]) -> tuple[float, float]:
     return float(values.min()) / 1.3, float(values.max()) * 1.4
 
 
-def _strip(axes: Axes, counts: Counts, page_bytes: float, limits: tuple[float, float]) -> None:
+def _strip(axes: Axes, counts: Counts, page_bytes: float, limits: tuple[float, float], height_in: float) -> None:
     axes.set(yscale="log", ylim=limits)
     axes.set_title(f"Session {counts.session}", loc="left", fontsize=10, color=_INK)
     axes.yaxis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
@@ -130,7 +135,7 @@ def _strip(axes: Axes, counts: Counts, page_bytes: float, limits: tuple[float, f
     axes.plot(counts.time_s, np.maximum(floor, 1e-3), color=_GREY, linewidth=1.2, linestyle=(0, (2.2, 1.4)))
     axes.fill_between(counts.time_s, limits[0], np.maximum(floor, limits[0]), color="#efefef", linewidth=0)
     labels.append((float(floor.mean()), f"floor  {floor.mean():,.0f}  human eyes", _GREY))
-    _end_labels(axes, labels, limits)
+    _end_labels(axes, labels, limits, _LINE_IN / height_in)
 
 
 def _label(row: Row) -> str:
@@ -139,10 +144,12 @@ def _label(row: Row) -> str:
     return f"{row.policy} {row.acuity_arcmin:g}′  {row.pages_mean:,.0f}  −{row.saving * 100:.1f} %"
 
 
-def _end_labels(axes: Axes, labels: list[tuple[float, str, str]], limits: tuple[float, float]) -> None:
-    """Names of the lines right of the axes at their means, moved apart where they would overlap."""
+def _end_labels(axes: Axes, labels: list[tuple[float, str, str]], limits: tuple[float, float], step: float) -> None:
+    """Names of the lines right of the axes at their means, moved apart where they would overlap.
+
+    ``step`` is the share of the strip's height that one line of text takes.
+    """
     low, high = np.log(limits[0]), np.log(limits[1])
-    step = 0.145  # of the strip's height that one line of text takes
     places: list[float] = []
     for value, _, _ in sorted(labels):
         wanted = (np.log(max(value, limits[0])) - low) / (high - low)

@@ -1,8 +1,9 @@
 """The floor: how many samples of a display an eye could resolve, which no policy can safely go under.
 
 A square metre of panel, seen from ``D`` under the angle ``theta`` off its normal, fills ``cos(theta) / D^2`` of the
-eye's solid angle. At one sample per acuity in both directions that is ``cos(theta) / (D tan(acuity))^2`` samples; the
-panel and the image themselves hold no more than their pixels and texels.
+eye's solid angle. At one sample per acuity in both directions that is ``cos(theta) / (D tan(acuity))^2`` samples, fewer
+by the square of what eccentricity adds to the acuity where the gaze is made use of; the panel and the image themselves
+hold no more than their pixels and texels.
 """
 
 # mypy: disallow-untyped-decorators=False
@@ -10,6 +11,7 @@ panel and the image themselves hold no more than their pixels and texels.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +19,8 @@ from numba import njit
 
 from limen.geometry import Floats
 from limen.select.image import View
+from limen.tolerance import Tolerance
+from limen.vision.resolution import ECCENTRICITY_PER_DEG
 
 __all__ = ["Places", "places_of", "resolvable_samples"]
 
@@ -53,32 +57,43 @@ def places_of(view: View, cell_m: float = 0.1) -> Places:
     return Places(*(np.ascontiguousarray(column) for column in columns))
 
 
-def resolvable_samples(places: Places, eyes_m: Floats, tan_angle: Floats) -> Floats:
+def resolvable_samples(places: Places, tolerances: Sequence[Tolerance]) -> Floats:
     """Samples that the eyes could resolve; where several look, the finest demand counts, place by place.
 
     Parameters
     ----------
     places
         Where to evaluate; see `places_of`.
-    eyes_m
-        Shape (E, 3).
-    tan_angle
-        Tangents of the eyes' acuities, shape (A, E): several sets of acuities at once.
+    tolerances
+        Of the same eyes, with other acuities, or with and without their gaze.
 
     Returns
     -------
-    Samples for each set of acuities, shape (A,).
+    Samples for each tolerance, shape (A,).
     """
-    out = np.zeros(len(tan_angle))
-    _sum(*places, np.ascontiguousarray(eyes_m), 1 / np.square(tan_angle), out)
+    out = np.zeros(len(tolerances))
+    finest = np.array([1 / np.square(tolerance.tan_angle) for tolerance in tolerances])
+    gaze = np.array([tolerance.gaze for tolerance in tolerances])
+    slack = np.array([tolerance.slack_deg for tolerance in tolerances])
+    _sum(*places, np.ascontiguousarray(tolerances[0].eyes_m), finest, gaze, slack, ECCENTRICITY_PER_DEG, out)
     return out
 
 
 @njit(cache=True, nogil=True)
 def _sum(
-    position: Floats, normal: Floats, area: Floats, most: Floats, eyes: Floats, per_tan2: Floats, out: Floats
+    position: Floats,
+    normal: Floats,
+    area: Floats,
+    most: Floats,
+    eyes: Floats,
+    per_tan2: Floats,
+    gaze: Floats,
+    slack_deg: Floats,
+    per_deg: float,
+    out: Floats,
 ) -> None:
     seen = np.empty(len(eyes))
+    sight = np.empty((len(eyes), 3))
     for q in range(len(area)):
         for k in range(len(eyes)):
             x = eyes[k, 0] - position[q, 0]
@@ -87,8 +102,14 @@ def _sum(
             square = max(x * x + y * y + z * z, 1e-12)
             height = max(0.0, x * normal[q, 0] + y * normal[q, 1] + z * normal[q, 2])
             seen[k] = height / (square * math.sqrt(square))
+            sight[k] = -x / math.sqrt(square), -y / math.sqrt(square), -z / math.sqrt(square)
         for a in range(len(out)):
             demand = 0.0
             for k in range(len(eyes)):
-                demand = max(demand, seen[k] * per_tan2[a, k])
+                coarser = 1.0
+                if gaze[a, k, 0] != 0.0 or gaze[a, k, 1] != 0.0 or gaze[a, k, 2] != 0.0:
+                    ahead = sight[k, 0] * gaze[a, k, 0] + sight[k, 1] * gaze[a, k, 1] + sight[k, 2] * gaze[a, k, 2]
+                    beside = math.degrees(math.acos(min(max(ahead, -1.0), 1.0))) - slack_deg[a, k]
+                    coarser += per_deg * max(beside, 0.0)
+                demand = max(demand, seen[k] * per_tan2[a, k] / (coarser * coarser))
             out[a] += min(demand, most[q]) * area[q]

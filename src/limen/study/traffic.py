@@ -11,24 +11,26 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
+from limen.data.contrast import CONTRAST_OF_BYTE, page_contrast
 from limen.data.image import Image
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.placement import OnShape, OnSurface, one_to_one_size_px
+from limen.select.detail import Detail, contrast_detail
 from limen.select.image import View, flat_pairs, select, view_of
 from limen.study.resolvable import places_of, resolvable_samples
-from limen.tolerance import POLICIES, Policy, Tolerance, tolerance_of
+from limen.tolerance import GAZE, POLICIES, Policy, Tolerance, tolerance_of
 from limen.track.session import Frame, Session
-from limen.vision.acuity import HUMAN_ARCMIN, acuity_from
+from limen.vision.acuity import acuity_from
 
 __all__ = [
     "FRAMES_PER_S",
@@ -39,6 +41,7 @@ __all__ = [
     "SessionTraffic",
     "Traffic",
     "count_traffic",
+    "detail_of",
     "frames_of",
     "one_to_one_view",
     "page_bytes_of",
@@ -132,7 +135,7 @@ class Counts:
         mean = float(pages.mean())
         full, floor = float(self.full_pages.mean()), float(self.floor_samples[number].mean())
         return Row(
-            policy=policy.name,
+            policy=policy.title,
             acuity_arcmin=None if policy.name == "full" else policy.acuity_arcmin,
             pages_mean=mean,
             pages_p99=float(np.percentile(pages, 99)),
@@ -189,6 +192,16 @@ def one_to_one_view(display: Display) -> View:
     return view_of(display, Pyramid.of(one_to_one_size_px(display)), OnSurface("one-to-one"))
 
 
+def detail_of(image: Image, display: Display, *, progress: Callable[[float], None] | None = None) -> Detail:
+    """What is too faint to be seen on a display: for the policy ``contrast``.
+
+    Quick where the contrast of the image's pages lies beside it already; ``progress`` is told the fraction done.
+    """
+    contrast = page_contrast(image, progress=progress)
+    luminance = np.array([panel.luminance_cd_m2 for panel in display.panels])
+    return contrast_detail(image.pyramid, CONTRAST_OF_BYTE[contrast], luminance)
+
+
 def policies_of(names: Iterable[str], acuities: Iterable[str | float]) -> tuple[Policy, ...]:
     """Policies by name; one that depends on the viewers' acuity appears once for each acuity.
 
@@ -200,7 +213,7 @@ def policies_of(names: Iterable[str], acuities: Iterable[str | float]) -> tuple[
     values = [acuity_from(acuity) for acuity in acuities]
     found: list[Policy] = []
     for name in names:
-        if name in POLICIES and name != "full":
+        if name.removesuffix(GAZE) in POLICIES and name != "full":
             found += [Policy.parse(name, value) for value in values]
         else:
             found.append(Policy.parse(name))
@@ -221,6 +234,7 @@ def count_traffic(
     *,
     rate_hz: float = FRAMES_PER_S,
     per_node: bool = False,
+    detail: Detail | None = None,
     advance: Callable[[], None] | None = None,
 ) -> Counts:
     """Distinct pages that every frame of a session needs, as if no page were left from the frame before.
@@ -237,17 +251,21 @@ def count_traffic(
         Frames a second to look at.
     per_node
         A page that several nodes show counts once for each, as it does when every node fetches for itself.
+    detail
+        What the policy ``contrast`` goes by; see `limen.select.detail.contrast_detail`.
     advance
         Called after every frame.
 
     Raises
     ------
     InputError
-        If pages are to be counted per node for an image on a shape.
+        If pages are to be counted per node for an image on a shape, or by contrast without a ``detail``.
     """
+    if detail is None and any(policy.name == "contrast" for policy in policies):
+        raise InputError("the policy contrast needs an image whose contrast is known; one-to-one is made up")
     if per_node and not isinstance(view.placement, OnSurface):
         raise InputError("pages can be counted per node for an image on the display's surface only")
-    look = _Look(view, policies, per_node)
+    look = _Look(view, policies, per_node, detail)
     seen: list[tuple[list[int], int, Floats]] = []
     for counted in _in_threads(look, list(session.frames(rate_hz))):
         seen.append(counted)
@@ -276,17 +294,19 @@ def _in_threads(look: _Look, frames: list[Frame]) -> Iterator[tuple[list[int], i
         pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for the rest
 
 
-def _floor_arcmin(policy: Policy) -> float:
-    return HUMAN_ARCMIN if policy.name == "full" else policy.acuity_arcmin
+def _floor_policy(policy: Policy) -> Policy:
+    """The eyes that a policy serves, without regard to what the picture shows."""
+    return Policy() if policy.name == "full" else replace(policy, name="acuity")
 
 
 class _Look:
     """Counts one frame: pages of every policy, pages of ``full``, and the floor for every acuity and human eyes."""
 
-    def __init__(self, view: View, policies: Sequence[Policy], per_node: bool) -> None:
+    def __init__(self, view: View, policies: Sequence[Policy], per_node: bool, detail: Detail | None) -> None:
         self._view, self._policies = view, policies
+        self._faint = view._replace(detail=detail) if detail is not None else view
         self._places = places_of(view)
-        self._eyesight = [Policy("acuity", arcmin) for arcmin in (*map(_floor_arcmin, policies), HUMAN_ARCMIN)]
+        self._eyesight = [*map(_floor_policy, policies), Policy()]
         self._distinct = tuple(
             dict.fromkeys(policy for policy in (*policies, *self._eyesight) if policy.name != "full")
         )
@@ -295,23 +315,25 @@ class _Look:
         self._nodes = nodes if per_node else None
         # Only an image seen through the panels from the viewer's place changes under `full`.
         follows = isinstance(view.placement, OnShape) and view.placement.eye_m is None
-        self._full = None if follows else self._pages(tolerance_of((), _FULL), None)
+        self._full = None if follows else self._pages(_FULL, tolerance_of((), _FULL), None)
 
     def __call__(self, frame: Frame) -> tuple[list[int], int, Floats]:
         eye = frame.viewers[0].position_m
-        full = self._pages(tolerance_of((), _FULL), eye) if self._full is None else self._full
+        full = self._pages(_FULL, tolerance_of((), _FULL), eye) if self._full is None else self._full
         allows = {policy: tolerance_of(frame.viewers, policy) for policy in self._distinct}
-        pages = [full if policy.name == "full" else self._pages(allows[policy], eye) for policy in self._policies]
-        tangents = np.stack([tolerance.tan_angle for tolerance in allows.values()])
-        samples = resolvable_samples(self._places, next(iter(allows.values())).eyes_m, tangents)
+        pages = [
+            full if policy.name == "full" else self._pages(policy, allows[policy], eye) for policy in self._policies
+        ]
+        samples = resolvable_samples(self._places, list(allows.values()))
         floor = dict(zip(self._distinct, samples, strict=True))
         return pages, full, np.array([floor[policy] for policy in self._eyesight])
 
-    def _pages(self, tolerance: Tolerance, eye_m: Vec3 | None) -> int:
+    def _pages(self, policy: Policy, tolerance: Tolerance, eye_m: Vec3 | None) -> int:
         """As many as ``len(select(...))``; on the surface without sorting them by importance, in half the time."""
-        if not isinstance(self._view.placement, OnSurface):
-            return len(select(self._view, tolerance, eye_m=eye_m))
-        pairs = flat_pairs(self._view, tolerance)
+        view = self._faint if policy.name == "contrast" else self._view
+        if not isinstance(view.placement, OnSurface):
+            return len(select(view, tolerance, eye_m=eye_m))
+        pairs = flat_pairs(view, tolerance)
         if self._nodes is not None:
             return len(np.unique(self._nodes[pairs.panel] * self._view.pyramid.page_count + pairs.page))
         needed = np.zeros(self._view.pyramid.page_count, dtype=bool)

@@ -9,6 +9,7 @@ where people stood, 1,500 samples of its non-zero cells, k-means with k = 6, wal
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -40,6 +41,9 @@ _HOTSPOTS = 6
 _SAMPLES = 1_500
 _VISITS = 40_000  # few enough that rarely visited cells stay at zero
 _TURN_S = 0.25  # time constant of the head's turning
+_GAZE = "+gaze"
+_FIXATION_S = (0.3, 0.45)  # median, and spread of its logarithm
+_EYE_TURN_DEG = (7.5, 4.5)  # standard deviation of where the eyes look beside the head, across and up; cut at 2
 _APPROACH_M = 1.0  # on the last metre to a hotspot the head turns to the wall there
 
 
@@ -65,6 +69,7 @@ def make_walk(
     viewers: int = 1,
     rate_hz: float = 120.0,
     name: str = "walk",
+    gaze: bool = False,
 ) -> Session:
     """A walk of one or several people in front of a display; the same arguments give the same session.
 
@@ -80,6 +85,9 @@ def make_walk(
         How long; the session has ``seconds * rate_hz`` frames.
     seed
         Another seed is another heat map and other paths.
+    gaze
+        Whether an eye tracker is made up, too: the eyes stay on one place for about 0.3 s, then jump to another, within
+        15 degrees of where the head points.
 
     Raises
     ------
@@ -100,20 +108,25 @@ def make_walk(
     tracks = (
         _track(heat.room, plan_of(heat, seed, number, length_m), time_s, f"v{number + 1}") for number in range(viewers)
     )
+    if gaze:
+        tracks = (_looking(track, [seed, number, 7]) for number, track in enumerate(tracks))
     return Session(name, display.name, float(rate_hz), tuple(tracks))
 
 
 def session_named(name_or_path: str, display: Display, viewers: int = 1) -> Session:
     """One of the synthetic sessions ``A``, ``B``, ``C`` for a display, or a session file.
 
+    ``A+gaze`` is the same walk with an eye tracker.
+
     Raises
     ------
     InputError
         If it is neither; or as for `limen.track.replay.read_session`.
     """
-    if name_or_path in SESSIONS:
-        seconds, seed = SESSIONS[name_or_path]
-        return make_walk(display, seconds, seed, viewers, name=name_or_path)
+    base = name_or_path.removesuffix(_GAZE)
+    if base in SESSIONS:
+        seconds, seed = SESSIONS[base]
+        return make_walk(display, seconds, seed, viewers, name=name_or_path, gaze=base != name_or_path)
     if "." not in name_or_path and "/" not in name_or_path:
         raise InputError(
             f"no session is named '{name_or_path}': there are {', '.join(SESSIONS)}; or give a session file"
@@ -213,6 +226,22 @@ def _track(room: Room, plan: Plan, time_s: Floats, viewer: str) -> Track:
         np.round(np.stack([place[:, 0], height, place[:, 1]], axis=1), 6) + 0.0,
         np.round(np.stack([np.sin(yaw), np.zeros_like(yaw), np.cos(yaw)], axis=1), 6) + 0.0,
     )
+
+
+def _looking(track: Track, seed: list[int]) -> Track:
+    """The same person with an eye tracker: fixations in the room, and jumps between them."""
+    rng = np.random.default_rng(seed)
+    duration_s = float(track.time_s[-1] - track.time_s[0])
+    count = int(duration_s / _FIXATION_S[0] * 2) + 8
+    ends_s = track.time_s[0] + rng.lognormal(np.log(_FIXATION_S[0]), _FIXATION_S[1], count).cumsum()
+    number = np.searchsorted(ends_s, track.time_s, side="right").clip(max=count - 1)
+    first = np.searchsorted(number, np.unique(number))  # the eyes turn from where the head points when they jump
+    turn = np.radians(np.clip(rng.normal(size=(count, 2)), -2, 2) * _EYE_TURN_DEG)[number[first]]
+    head = track.direction[first]
+    yaw, pitch = np.arctan2(head[:, 0], head[:, 2]) + turn[:, 0], np.arcsin(np.clip(head[:, 1], -1, 1)) + turn[:, 1]
+    looks = np.stack([np.sin(yaw) * np.cos(pitch), np.sin(pitch), np.cos(yaw) * np.cos(pitch)], axis=1)
+    gaze = np.round(looks[np.searchsorted(first, np.arange(len(number)), side="right") - 1], 6) + 0.0
+    return replace(track, gaze=gaze)
 
 
 def _path(heat: Heat, rng: np.random.Generator, length_m: float) -> tuple[Floats, list[int]]:

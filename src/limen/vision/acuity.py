@@ -17,8 +17,19 @@ from numpy.typing import ArrayLike, NDArray
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.units import arcmin_to_rad
+from limen.vision.resolution import ECCENTRICITY_PER_DEG, resolution_cpd
 
-__all__ = ["HUMAN_ARCMIN", "SNELLEN_ARCMIN", "acuity_from", "acuity_level", "hidden_levels", "optimal_distance_m"]
+__all__ = [
+    "ECCENTRICITY_PER_DEG",
+    "HUMAN_ARCMIN",
+    "SNELLEN_ARCMIN",
+    "acuity_from",
+    "acuity_level",
+    "eccentricity_scale",
+    "hidden_levels",
+    "human_arcmin",
+    "optimal_distance_m",
+]
 
 SNELLEN_ARCMIN = 1.0
 """20/20 vision: one sample an arcminute, the papers' limit."""
@@ -44,6 +55,28 @@ def acuity_from(text: str | float) -> float:
     if not 0 < value <= 600:
         raise InputError(f"an acuity must lie above 0 and at most at 600 arcminutes, got {text}")
     return value
+
+
+def eccentricity_scale(eccentricity_deg: Floats) -> Floats:
+    """How many times larger than in the fovea a detail may be, away from the gaze: ``1 + cR e``; any shape.
+
+    Ashraf, Chapiro, Mantiuk 2025; measured to 20 degrees, beyond that extrapolated.
+
+    >>> float(eccentricity_scale(10.0).round(4))
+    2.6008
+    """
+    return 1 + ECCENTRICITY_PER_DEG * np.asarray(eccentricity_deg, dtype=float)
+
+
+def human_arcmin(luminance_cd_m2: ArrayLike = 100.0) -> Floats:
+    """Smallest detail that people resolve in the fovea at some luminance, arcminutes: half a cycle of `resolution_cpd`.
+
+    At 100 cd/m2 it is the fit's 0.629; `HUMAN_ARCMIN` is the measured median there, 1.7 % larger.
+
+    >>> human_arcmin([1, 10, 30, 100, 300]).round(3).tolist()
+    [1.907, 0.99, 0.769, 0.629, 0.569]
+    """
+    return np.asarray(30.0 / resolution_cpd(0.0, luminance_cd_m2))
 
 
 def optimal_distance_m(pitch_m: float, acuity_arcmin: float = SNELLEN_ARCMIN) -> float:

@@ -1,0 +1,273 @@
+"""The measure of contrast against a plain NumPy reference, known patterns, and its laws."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import pyvips
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pictures import codes_of, light_of, noisy_picture, smooth_picture
+
+import limen.data
+from limen.data import contrast
+from limen.data.contrast import CONTRAST_OF_BYTE, contrast_of_quarter, page_contrast
+from limen.data.contrast_file import byte_of_contrast
+from limen.vision.contrast import sensitivity
+
+
+def opened(tmp_path, picture):
+    path = tmp_path / "picture.png"
+    pyvips.Image.new_from_array(picture).pngsave(str(path), compression=1)
+    return limen.data.open(path)
+
+
+def level_contrasts(image):
+    """Contrasts of all pages, level by level."""
+    found = CONTRAST_OF_BYTE[page_contrast(image)]
+    return [found[level.first_page : level.first_page + level.page_count] for level in image.pyramid.levels]
+
+
+# ------------------------------------------------------------------------------------------- the plain reference
+
+
+def cubic(distance):
+    """Keys 1981, a = -1/2, as the shader writes it."""
+    x = np.minimum(np.abs(distance), 2.0)
+    return np.where(x < 1.0, (1.5 * x - 2.5) * x * x + 1.0, ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0)
+
+
+def upsampled(page, gutter=4):
+    """Linear light (512, 512, 3) of a page with its gutter, composed on black."""
+    light = light_of(composed(page))
+    place = gutter + (np.arange(512) + 0.5) / 2.0 - 0.5
+    matrix = cubic(np.arange(page.shape[0])[None, :] - place[:, None])
+    assert np.allclose(matrix.sum(axis=1), 1.0)
+    return np.clip(np.stack([matrix @ light[..., band] @ matrix.T for band in range(3)], axis=2), 0.0, 1.0)
+
+
+def composed(page):
+    if (page[..., 3] == 255).all():
+        return page[..., :3]
+    return codes_of(light_of(page[..., :3]) * (page[..., 3:] / 255.0))
+
+
+def reference(image, level, column, row):
+    """Contrast of one page by the book: cone contrasts, DKL, the three fits, the darkness of each texel."""
+    below = upsampled(image.read_page((level, column, row)))
+    finer, most = image.pyramid.levels[level - 1], 0.0
+    for y in (2 * row, 2 * row + 1):
+        for x in (2 * column, 2 * column + 1):
+            if x >= finer.columns or y >= finer.rows:
+                continue
+            w, h = (min(256, size - 256 * at) for size, at in zip(finer.size_px, (x, y), strict=True))
+            fine = composed(image.read_page((level - 1, x, y), gutter=0))[:h, :w].astype(float)
+            top, left = 256 * (y - 2 * row), 256 * (x - 2 * column)
+            most = max(most, plain_contrast(fine, below[top : top + h, left : left + w]))
+    return min(most, 1.0)
+
+
+def plain_contrast(fine, below):
+    low, high = light_of(np.clip(fine - 1.21, 0, 255)), light_of(np.clip(fine + 1.21, 0, 255))
+    seen = ~((low <= below) & (below <= high)).all(axis=2)
+    back, step = below[seen], light_of(fine)[seen] - below[seen]
+    if not len(back):
+        return 0.0
+    luminance = back @ [0.21263901, 0.71516868, 0.07219232]
+    frequency = np.geomspace(2.0, 60.0, 32)[:, None]
+    roots, which = np.unique(np.ceil(255 * np.sqrt(luminance)) / 255, return_inverse=True)
+    light = sensitivity(frequency, luminance_cd_m2=300 * (roots**2 + 0.001))
+    dark = np.minimum((light / sensitivity(frequency, luminance_cd_m2=300.0)).max(axis=0), 1.0)[which]
+    achromatic = np.abs(step @ [0.21263901, 0.71516868, 0.07219232]) / (luminance + 0.001)
+    lms = np.linalg.inv(contrast._XYZ_OF_LMS) @ contrast._XYZ_OF_RGB
+    white, d, b = lms.sum(axis=1), step @ lms.T, back @ lms.T
+    # The grey of the background's L + M (and of the display's black), on which the fits were measured.
+    grey = ((b[:, 0] + b[:, 1]) / (white[0] + white[1]) + 0.001)[:, None] * white
+    ratio = white[0] / white[1]
+    along = (d[:, 0] - ratio * d[:, 1]) / (1 + ratio)  # of L, and as much less of M
+    red_green = np.hypot(along / grey[:, 0], along / grey[:, 1]) / math.sqrt(3)
+    short = d[:, 2] - (d[:, 0] + d[:, 1]) * white[2] / (white[0] + white[1])
+    yellow_violet = np.abs(short / grey[:, 2]) / math.sqrt(3)
+    with np.errstate(divide="ignore"):
+        red = 10 ** ((0.043936 / 0.029965) * (2.17939 + np.log10(red_green)) - 2.13475)
+        violet = 10 ** ((0.043936 / 0.055037) * (1.77669 + np.log10(yellow_violet)) - 2.13475)
+    return float((np.maximum(np.maximum(achromatic, red), violet) * dark).max())
+
+
+def faint_picture(width, height, bands=3):
+    """Slopes with some detail of a few codes, differently coloured from place to place."""
+    rng = np.random.default_rng(5)
+    picture = smooth_picture(width, height).astype(int)
+    for left in range(0, width, 128):
+        amount = rng.integers(0, 6, 3)
+        picture[:, left : left + 128] += (
+            rng.integers(-1, 2, (height, picture[:, left : left + 128].shape[1], 1)) * amount
+        )
+    picture = np.clip(picture, 0, 255).astype(np.uint8)
+    return picture if bands == 3 else np.dstack([picture, smooth_picture(width, height, seed=9)[..., 0]])
+
+
+@pytest.mark.parametrize("bands", [3, 4], ids=["opaque", "transparent"])
+def test_the_kernel_equals_the_plain_reference(tmp_path, bands):
+    with opened(tmp_path, faint_picture(1300, 900, bands)) as image:
+        found = page_contrast(image)
+        pages = range(image.pyramid.levels[1].first_page, image.pyramid.page_count)
+        plain = [reference(image, *image.pyramid.page_of(page)) for page in pages]
+    assert len(pages) == 9
+    assert len(set(plain)) > 5
+    # Single precision may put a contrast that lies on a step into the next.
+    assert np.abs(np.array([byte_of_contrast(value) for value in plain]) - found[list(pages)].astype(int)).max() <= 1
+
+
+# ------------------------------------------------------------------------------------------- known patterns
+
+
+def grating(direction, amount, mean=(0.2, 0.2, 0.2), frequency=0.375):
+    """(768, 1024, 3): a sinusoid at 3/4 of Nyquist along a direction of linear RGB."""
+    wave = np.cos(2 * np.pi * frequency * np.arange(1024))[None, :, None]
+    return codes_of(np.asarray(mean) + amount * wave * np.asarray(direction) * np.ones((768, 1, 1)))
+
+
+@pytest.mark.parametrize("wanted", [0.05, 0.1, 0.3, 0.6])
+def test_a_grating_has_its_own_contrast(tmp_path, wanted):
+    # Grey of 0.2 is 60 cd/m2: what darkness leaves there is 0.94.
+    dark = contrast._darkness()[math.ceil(255 * math.sqrt(0.2))]
+    with opened(tmp_path, grating((1, 1, 1), 0.2 * wanted)) as image:
+        _, first, *coarser = level_contrasts(image)
+    assert 0.9 < dark < 1.0
+    # Codes are 1.6 % of luminance apart here, and halving leaves a little of the grating in the coarser page.
+    assert first == pytest.approx(wanted * dark, rel=0.06, abs=0.017)
+    assert all((level <= 0.11 * wanted + 0.03).all() for level in coarser)
+
+
+def test_a_red_green_grating_of_one_luminance_counts_as_its_fit_says(tmp_path):
+    red = np.array([0.71516868, -0.21263901, 0.0])  # Y = 0
+    lms = np.linalg.inv(contrast._XYZ_OF_LMS) @ contrast._XYZ_OF_RGB
+    back = lms @ [0.2, 0.2, 0.2]
+    cones = 0.2 * (lms @ red) / back
+    with opened(tmp_path, grating(red, 0.2)) as image:
+        _, first, *_ = level_contrasts(image)
+    norm = math.hypot(*cones[:2]) / math.sqrt(3)
+    equal = 10 ** (1.466244 * (2.17939 + math.log10(norm)) - 2.13475)
+    assert 0.05 < equal < 0.5
+    assert first == pytest.approx(equal * 0.94, rel=0.15)
+
+
+def test_a_violet_grating_of_one_luminance_is_not_nothing(tmp_path):
+    violet = np.array([0.0, -0.07219232, 0.71516868]) * 0.2
+    with opened(tmp_path, grating(violet, 1.0)) as image:
+        _, first, *_ = level_contrasts(image)
+    assert (first > 0.02).all()
+    assert (first < 0.2).all()
+
+
+def test_equal_frequencies_are_what_makes_contrasts_equal():
+    for fit in (contrast._RED_GREEN, contrast._YELLOW_VIOLET):
+        for value in (0.004, 0.05, 0.3):
+            equal = contrast._equivalent(value, fit)
+            own_cpd = (fit[0] - math.log10(1 / value)) / fit[1]
+            assert (2.13475 - math.log10(1 / equal)) / 0.043936 == pytest.approx(own_cpd)
+
+
+def test_greys_excite_no_colour_and_white_has_the_luminance_one():
+    assert contrast.mechanisms().sum(axis=1) == pytest.approx([1, 1, 0, 0], abs=1e-6)
+
+
+def test_darkness_only_discounts_and_more_the_darker_it_is():
+    dark = contrast._darkness()
+    assert dark[255] == 1.0
+    assert (np.diff(dark) >= 0).all()
+    ratio = sensitivity(2.0, luminance_cd_m2=0.3) / sensitivity(2.0, luminance_cd_m2=300.0)
+    assert dark[0] == pytest.approx(float(ratio)) == pytest.approx(0.2134, abs=1e-4)
+
+
+def test_noise_of_one_code_in_the_dark_is_nothing(tmp_path):
+    picture = np.random.default_rng(3).integers(0, 2, (700, 900, 3), dtype=np.uint8)
+    with opened(tmp_path, picture) as image:
+        assert not page_contrast(image).any()
+
+
+def test_noise_of_one_code_is_nothing_and_of_three_codes_is_something(tmp_path):
+    grain = noisy_picture(700, 900, 1)[..., 0] % 2
+    with opened(tmp_path, np.repeat((120 + grain)[..., None], 3, axis=2).astype(np.uint8)) as image:
+        assert not page_contrast(image).any()
+    with opened(tmp_path, np.repeat((120 + 3 * grain)[..., None], 3, axis=2).astype(np.uint8)) as image:
+        assert (level_contrasts(image)[1] > 0.02).all()
+
+
+def test_transparent_detail_over_black_is_nothing(tmp_path):
+    hidden = np.dstack([noisy_picture(600, 600), np.zeros((600, 600), dtype=np.uint8)])
+    with opened(tmp_path, hidden) as image:
+        assert not page_contrast(image).any()
+
+
+# ------------------------------------------------------------------------------------------- laws
+
+
+def flat(codes, edge):
+    page = np.full((edge, edge, 4), 255, dtype=np.uint8)
+    page[..., :3] = codes
+    return page
+
+
+def quarter_byte(coarse, fine):
+    return byte_of_contrast(contrast_of_quarter(coarse, fine, (1, 0), (256, 256)))
+
+
+CODE = st.integers(0, 255)
+
+
+@given(st.tuples(CODE, CODE, CODE))
+@settings(deadline=None, max_examples=30)
+def test_uniform_pages_add_nothing(codes):
+    assert quarter_byte(flat(codes, 264), flat(codes, 256)) == 0
+
+
+@given(st.integers(40, 215), st.integers(0, 2**32 - 1), st.integers(1, 4), st.integers(1, 6))
+@settings(deadline=None, max_examples=40)
+def test_more_grey_detail_never_lowers_the_byte(code, seed, small, more):
+    detail = np.random.default_rng(seed).integers(-4, 5, (256, 256, 1))
+    bytes_of = []
+    for scale in (small, small + more):
+        fine = flat((code,) * 3, 256)
+        fine[..., :3] = np.clip(code + scale * detail, 0, 255)
+        bytes_of.append(quarter_byte(flat((code,) * 3, 264), fine))
+    assert bytes_of[0] <= bytes_of[1]
+
+
+@given(st.tuples(*[st.floats(0.05, 0.4)] * 3), st.integers(0, 2**32 - 1), st.floats(0.01, 0.1))
+@settings(deadline=None, max_examples=40)
+def test_three_times_the_coloured_detail_never_lowers_the_byte(mean, seed, amount):
+    codes = codes_of(np.array(mean))
+    detail = np.random.default_rng(seed).uniform(-1, 1, (256, 256, 3)) * amount * np.array(mean)
+    bytes_of = []
+    for scale in (1, 3):
+        fine = flat(codes, 256)
+        fine[..., :3] = codes_of(light_of(codes) + scale * detail)
+        bytes_of.append(quarter_byte(flat(codes, 264), fine))
+    assert bytes_of[0] <= bytes_of[1]
+
+
+def test_only_texels_inside_the_image_count():
+    coarse, fine = flat((90, 90, 90), 264), flat((90, 90, 90), 256)
+    fine[200:, :, :3] = 200
+    assert contrast_of_quarter(coarse, fine, (0, 1), (256, 200)) == 0.0
+    assert contrast_of_quarter(coarse, fine, (0, 1), (256, 201)) == 1.0
+    assert contrast_of_quarter(coarse, np.swapaxes(fine, 0, 1), (0, 1), (200, 256)) == 0.0
+
+
+@given(st.floats(0.0, 2.0))
+@settings(max_examples=300)
+def test_a_byte_never_understates_and_at_most_by_a_step_overstates(value):
+    byte = byte_of_contrast(value)
+    if value < 1e-3:
+        assert byte == 0
+    else:
+        assert CONTRAST_OF_BYTE[byte] >= min(value, 1.0)
+        assert byte == 1 or CONTRAST_OF_BYTE[byte - 1] < value
+
+
+def test_bytes_come_back_from_the_contrasts_they_stand_for():
+    assert [byte_of_contrast(float(value)) for value in CONTRAST_OF_BYTE] == list(range(256))
