@@ -35,3 +35,13 @@ def device() -> Iterator[Any]:
         pytest.skip(f"NO GRAPHICS ADAPTER, so nothing that is drawn was tested: {error}")
     yield opened
     opened.destroy()
+
+
+@pytest.fixture(scope="session")
+def observer() -> Any:
+    """The independent observer, on its default display."""
+    from limen.study.observer import INSTALL, Observer, missing_packages
+
+    if missing_packages():
+        pytest.skip(f"NO INDEPENDENT OBSERVER, so nothing that is drawn was judged: {' && '.join(INSTALL)}")
+    return Observer()

@@ -71,6 +71,10 @@ def steps_for(
         ({"driver": True}, {"environment": "E", "driver": "other"}, ("driver",)),
         ({"driver": True}, {"environment": "old", "driver": "D"}, ("environment", "driver")),
         ({"test": True}, {"environment": "E"}, ("test",)),
+        ({"observer": True, "driver": True}, {}, ("environment", "observer", "driver")),
+        ({"observer": True}, {"environment": "E", "observer": True}, ()),
+        ({"test": True, "observer": True}, {"environment": "E", "test": True}, ("observer",)),
+        ({}, {"environment": "old", "observer": True}, ("environment", "observer")),
         ({"test": True, "driver": True}, {}, ("environment", "test", "driver")),
         ({"test": True, "driver": True}, {"environment": "E", "test": True, "driver": "D"}, ()),
     ],
@@ -105,6 +109,7 @@ def test_a_fetched_driver_that_was_deleted_is_missing(tmp_path: Path) -> None:
         (["show", "a.tif"], False, True, False),
         (["show", "--help"], False, False, False),
         (["bench", "image"], False, True, False),
+        (["verify", "a.tif"], False, True, False),
         (["doctor"], False, True, True),
         (["test", "-k", "x"], True, True, True),
     ],
@@ -263,6 +268,81 @@ def test_a_shim_that_does_not_answer_is_no_uv(checkout: Any, tmp_path: Path, mon
     with pytest.raises(module("state").SetupError, match="no pip; no network"):
         environment.find_uv(checkout, said.append)
     assert [path.name for path in checkout.root.iterdir() if path.name.startswith(".boot")] == []
+
+
+# The observer
+
+
+@pytest.mark.parametrize(
+    ("words", "needed"),
+    [(["verify", "a"], True), (["test"], True), (["verify", "--help"], False), (["show", "a"], False)],
+)
+def test_only_what_judges_needs_the_observer(words: list[str], needed: bool) -> None:
+    assert module("main").need_of(words).observer is needed
+
+
+def recording_uv(folder: Path, fails: str) -> Path:
+    """A uv that writes down what it is asked, with its wheel folders, and fails where its arguments match."""
+    folder.mkdir()
+    uv = folder / "uv"
+    uv.write_text(
+        f'#!/bin/sh\n[ "$1" = --version ] && exit 0\necho "$UV_FIND_LINKS|$*" >> {folder}/asked\n'
+        f'case "$*" in {fails}) echo no such host >&2; exit 2;; esac\n'
+    )
+    uv.chmod(0o755)
+    return folder
+
+
+def observer_installed(
+    checkout: Any, folder: Path, fails: str, monkeypatch: pytest.MonkeyPatch
+) -> tuple[str, list[str]]:
+    monkeypatch.setenv("PATH", f"{recording_uv(folder, fails)}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("PIP_FIND_LINKS", "/a/wheels /b")
+    monkeypatch.delenv("UV_FIND_LINKS", raising=False)
+    reason = module("environment").install_observer(checkout, lambda text: None)
+    return reason, (folder / "asked").read_text().splitlines()
+
+
+def test_the_observer_comes_from_the_index_for_cpus(
+    checkout: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reason, asked = observer_installed(checkout, tmp_path / "bin", "nothing", monkeypatch)
+    assert reason == ""
+    assert len(asked) == 2
+    assert all(part in asked[0] for part in ("--no-deps", "torch==", "cvvdp==", "/whl/cpu"))
+    assert asked[0].startswith("/a/wheels,/b|")
+    assert asked[1].endswith("[verify]")
+
+
+def test_without_that_index_only_a_build_for_cpus_is_taken(
+    checkout: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reason, asked = observer_installed(checkout, tmp_path / "bin", "*whl/cpu*", monkeypatch)
+    assert reason == ""
+    assert "+cpu" in asked[1]
+    assert "--extra-index-url" not in asked[1]
+
+
+def test_an_observer_that_cannot_be_had_is_said_and_stops_nothing(
+    checkout: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state, main = module("state"), module("main")
+    checkout.write_stamp(state.Stamp(checkout.environment_fingerprint()))
+    monkeypatch.setenv("PATH", f"{recording_uv(tmp_path / 'bin', '*torch*')}{os.pathsep}{os.environ['PATH']}")
+    stamp = main.prepare(checkout, state.Need(observer=True))
+    said = [line for line in capsys.readouterr().err.splitlines() if "no such host" in line]
+    assert len(said) == 1
+    assert "observer" in said[0]
+    assert not stamp.observer
+    assert not checkout.read_stamp().observer
+
+
+def test_the_launcher_and_the_error_name_the_same_versions() -> None:
+    from limen.study.observer import INSTALL
+
+    for package in module("environment").OBSERVER_PACKAGES:
+        assert package in INSTALL[0].split()
+    assert module("environment")._CPU_INDEX in INSTALL[0].split()
 
 
 # Finding a driver

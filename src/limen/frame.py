@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,8 @@ class Renderer:
     ) -> None:
         self.view: View = view_of(display, image.pyramid, placement or OnSurface())
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
-        self.quilts = pack(display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
+        self._pack = partial(pack, display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
+        self.quilts = self._pack()
         self._pool = PagePool(device, gpu_bytes)
         self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling)
         self._stream = Stream(
@@ -156,17 +158,22 @@ class Renderer:
     # ------------------------------------------------------------------ complete
 
     def pictures(
-        self, viewers: Sequence[Viewer], policy: Policy, *, overlay: Overlay | None = None
+        self,
+        viewers: Sequence[Viewer],
+        policy: Policy,
+        *,
+        overlay: Overlay | None = None,
+        panels: Sequence[int] | None = None,
     ) -> Iterator[tuple[str, NDArray[np.uint8], FrameReport]]:
         """Every panel's finished picture, quilt by quilt: (name, uint8 (h, w, 4) sRGB, the quilt's report).
 
-        Waits for pages; an array is only valid until the next is asked for.
+        Waits for pages; an array is only valid until the next is asked for. ``panels``: only those of these indices.
         """
         tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
         if policy.name == "contrast":
             self._contrast.complete()
         detail = self._seen_by(policy).detail
-        for quilt in self.quilts:
+        for quilt in self.quilts if panels is None else self._pack(panels=panels):
             begin = time.perf_counter()
             cut = self._select_part(quilt, detail, tolerance, eye_m)
             selected = time.perf_counter()

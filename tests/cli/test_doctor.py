@@ -44,6 +44,14 @@ def test_no_adapter_stops_drawing_and_names_the_package() -> None:
     assert stopping[0].cure == adapters.driver_advice()
 
 
+def test_a_missing_observer_is_noted_with_the_two_commands_that_bring_it() -> None:
+    assert doctor._observer_problems(()) == []
+    (problem,) = doctor._observer_problems(("torch", "pycvvdp"))
+    assert "torch, pycvvdp" in problem.problem
+    assert problem.cure.count("pip install") == 2
+    assert not problem.stops_drawing
+
+
 @pytest.mark.parametrize(
     ("info", "word"),
     [

@@ -26,7 +26,12 @@ from launcher.run import run
 from launcher.state import Checkout, SetupError
 from launcher.variables import home_is_writable
 
-__all__ = ["find_uv", "group_requirements", "install", "pick_wheel"]
+__all__ = ["find_uv", "group_requirements", "install", "install_observer", "pick_wheel"]
+
+OBSERVER_PACKAGES = ("torch==2.13.0", "cvvdp==0.5.7")
+"""Without their dependencies, of which one would bring CUDA; the few that are needed are the extra ``verify``."""
+
+_CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 
 _INDEX = "https://pypi.org/simple/uv/"
 _WHEEL_TAGS = {
@@ -64,6 +69,25 @@ def install(checkout: Checkout, test: bool, say: Callable[[str], None]) -> None:
     checkout.unfinished.unlink()
     if done.code:
         raise SetupError(f"uv could not install: {done.reason}")
+
+
+def install_observer(checkout: Checkout, say: Callable[[str], None]) -> str:
+    """Install what `limen verify` judges with; an empty answer means that it worked, else why it did not."""
+    uv, variables = find_uv(checkout, say), _uv_variables(checkout)
+    if not variables.get("UV_FIND_LINKS") and os.environ.get("PIP_FIND_LINKS"):
+        # Where a machine brings wheels of its own for pip, its build of torch for CPUs is among them.
+        variables["UV_FIND_LINKS"] = ",".join(os.environ["PIP_FIND_LINKS"].split())
+    say("installing the independent observer (PyTorch for CPUs, about 200 MB) into .venv")
+    into: list[str | Path] = [uv, "pip", "install", "--quiet", "--python", checkout.python]
+    pinned = [*into, "--no-deps", *OBSERVER_PACKAGES]
+    reasons = []
+    for command in ([*pinned, "--extra-index-url", _CPU_INDEX], [*pinned, f"{OBSERVER_PACKAGES[0]}+cpu"]):
+        done = run(command, checkout.root, variables)
+        if done.code == 0:
+            done = run([*into, "--editable", f"{checkout.root}[verify]"], checkout.root, variables)
+            return done.reason if done.code else ""
+        reasons.append(done.reason)
+    return reasons[0]
 
 
 def group_requirements(pyproject: Path, group: str) -> list[str]:

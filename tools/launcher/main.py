@@ -13,6 +13,7 @@ from pathlib import Path
 from launcher.state import (
     DRIVER,
     ENVIRONMENT,
+    OBSERVER,
     TEST,
     Checkout,
     Need,
@@ -26,7 +27,8 @@ from launcher.variables import merged, runtime_variables
 
 __all__ = ["command", "main", "need_of", "prepare"]
 
-_DRAWING_VERBS = ("demo", "show", "bench")
+_DRAWING_VERBS = ("demo", "show", "bench", "verify")
+_OBSERVING_VERBS = ("verify", "test")
 _GOING_ON_VERBS = ("doctor", "test")
 _TEST_HELP = """usage: ./limen test [PYTEST ARGS]
 
@@ -67,7 +69,12 @@ def need_of(arguments: Sequence[str]) -> Need:
     verb = arguments[0] if arguments else ""
     helps = bool(set(arguments) & {"--help", "-h", "--version"})
     goes_on = verb in _GOING_ON_VERBS
-    return Need(test=verb == "test", driver=(verb in _DRAWING_VERBS or goes_on) and not helps, goes_on=goes_on)
+    return Need(
+        test=verb == "test",
+        driver=(verb in _DRAWING_VERBS or goes_on) and not helps,
+        observer=verb in _OBSERVING_VERBS and not helps,
+        goes_on=goes_on,
+    )
 
 
 def command(root: Path, python: Path, arguments: Sequence[str]) -> list[str]:
@@ -97,6 +104,8 @@ def prepare(checkout: Checkout, need: Need) -> Stamp:
         steps = _missing(checkout, stamp, need)
         if ENVIRONMENT in steps or TEST in steps:
             stamp = _environment(checkout, stamp, steps)
+        if OBSERVER in steps:
+            stamp = _observer(checkout, stamp)
         if DRIVER in steps:
             stamp = _driver(checkout, stamp, need)
     if steps:
@@ -115,6 +124,19 @@ def _environment(checkout: Checkout, stamp: Stamp, steps: Sequence[str]) -> Stam
     if ENVIRONMENT in steps:
         stamp = Stamp()
     stamp = dataclasses.replace(stamp, environment=checkout.environment_fingerprint(), test=TEST in steps)
+    checkout.write_stamp(stamp)
+    return stamp
+
+
+def _observer(checkout: Checkout, stamp: Stamp) -> Stamp:
+    from launcher.environment import install_observer
+
+    reason = install_observer(checkout, say)
+    if reason:
+        # The verb then says what to type, and its tests skip; everything else works, and the next start tries again.
+        say(f"the independent observer could not be installed, its tests will be skipped: {reason}")
+        return stamp
+    stamp = dataclasses.replace(stamp, observer=True)
     checkout.write_stamp(stamp)
     return stamp
 

@@ -31,6 +31,10 @@ _VERBS = {
         "Count what would have to move, frame by frame.",
         "one-to-one --display reality-deck --panels 'front/*' 'left/*' 'right/*' --session A B C",
     ),
+    "verify": (
+        "Let an independent model of vision look for what limen leaves out.",
+        "mars.tif --display reality-deck --policy acuity contrast --plot verdict.png",
+    ),
     "bench": ("The benchmark tables of the documentation.", "image --quick"),
 }
 """What each verb does, and an example. ``limen.cli.<verb>:<verb>`` is imported only when it is typed."""

@@ -15,6 +15,7 @@ import msgspec
 
 from limen.cli.output import DEFAULT, Common, Output
 from limen.gpu.adapters import AdapterInfo, driver_advice, linux_cure, list_adapters
+from limen.study.observer import INSTALL, missing_packages
 
 __all__ = ["doctor"]
 
@@ -87,7 +88,12 @@ def examine(adapters: Callable[[], list[AdapterInfo]]) -> DoctorReport:
     window_problem = _window_problem()
     machine = _machine(window=window_problem is None)
     versions = {name: _version(name) for name in _PACKAGES}
-    problems = [*_adapter_problems(found), *_package_problems(versions), *_machine_problems(machine)]
+    problems = [
+        *_adapter_problems(found),
+        *_package_problems(versions),
+        *_machine_problems(machine),
+        *_observer_problems(missing_packages()),
+    ]
     return DoctorReport(
         adapters=[_adapter(info) for info in found],
         problems=problems + ([window_problem] if window_problem else []),
@@ -130,6 +136,13 @@ def _package_problems(versions: dict[str, str | None]) -> list[Problem]:
         return []
     cure = f"{sys.executable} -m pip install {' '.join(missing)}"
     return [Problem(f"not installed: {', '.join(missing)}", cure, stops_drawing=True)]
+
+
+def _observer_problems(missing: tuple[str, ...]) -> list[Problem]:
+    if not missing:
+        return []
+    problem = f"the independent observer of `limen verify` is not installed ({', '.join(missing)})"
+    return [Problem(problem, " && ".join(INSTALL))]
 
 
 def _machine_problems(machine: Machine) -> list[Problem]:

@@ -21,6 +21,7 @@ __all__ = [
     "lanczos",
     "linear_of_srgb",
     "resample",
+    "srgb_of_linear",
     "weights",
 ]
 
@@ -35,14 +36,15 @@ def linear_of_srgb(code: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
-def _srgb(light: NDArray[np.float64]) -> NDArray[np.float64]:
+def srgb_of_linear(light: NDArray[np.float64]) -> NDArray[np.float64]:
+    """sRGB codes of linear light, both 0 ... 1."""
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
 LINEAR_OF_SRGB: Floats = linear_of_srgb(np.arange(256) / 255.0).astype(np.float32)
 """(256,) linear light 0..1 of an 8-bit sRGB code."""
 
-SRGB_OF_LINEAR: Texels = np.rint(_srgb(np.arange(65536) / 65535.0) * 255.0).astype(np.uint8)
+SRGB_OF_LINEAR: Texels = np.rint(srgb_of_linear(np.arange(65536) / 65535.0) * 255.0).astype(np.uint8)
 """(65536,) 8-bit sRGB code of linear light in 1/65535; the steepest part, near black, has 20 entries a code."""
 
 

@@ -34,7 +34,7 @@ class PanelArrays(NamedTuple):
 
 
 class Rect(NamedTuple):
-    """A rectangle on the unrolled surface, metres; y points down."""
+    """A rectangle on the unrolled surface, metres, or on a panel, pixels; y points down."""
 
     left: float
     top: float
@@ -149,6 +149,21 @@ class Display:
         """Some of the panels, in the order given, on the same surface."""
         return self._part(tuple(self.panels[index] for index in indices))
 
+    def cut_outs(self, cuts: Sequence[tuple[str, int, Rect]]) -> Display:
+        """Rectangles of panels as panels of their own, hanging where they hang and showing what they show.
+
+        Parameters
+        ----------
+        cuts
+            The new panel's name, the index of the panel that it is cut from, and its whole pixels.
+
+        Raises
+        ------
+        InputError
+            If a rectangle is empty or sticks out of its panel.
+        """
+        return self._part(tuple(_cut_out(self.panels[index], name, rect) for name, index, rect in cuts))
+
     def scaled(self, factor: float) -> Display:
         """The same panels with ``factor`` times as many pixels along each side: for previews of a whole room."""
         if not 0 < factor <= 1:
@@ -156,7 +171,7 @@ class Display:
         return self._part(tuple(_scaled(panel, factor) for panel in self.panels))
 
     def _part(self, panels: tuple[Panel, ...]) -> Display:
-        return _Part(self.name, panels, self.description, self.surface)
+        return _Part(self.name, panels, self.description, self.surface, self.pitch_m)
 
     @cached_property
     def arrays(self) -> PanelArrays:
@@ -203,7 +218,7 @@ class Display:
 
     @property
     def pitch_m(self) -> float:
-        """Distance between true pixels of the first panel, also in a preview of fewer pixels."""
+        """Distance between true pixels of the first panel of the whole display, also in parts and previews of it."""
         return self.panels[0].pitch_m[0] / self.panels[0].true_px
 
     @property
@@ -224,6 +239,22 @@ class Display:
         for panel in self.panels:
             grids.setdefault(panel.grid_name, []).append(panel)
         return dict(grids)
+
+
+def _cut_out(panel: Panel, name: str, rect: Rect) -> Panel:
+    left, top, right, bottom = (int(side) for side in rect)
+    width, height = panel.size_px
+    if not (0 <= left < right <= width and 0 <= top < bottom <= height):
+        raise InputError(f"panel '{panel.name}' ({width} x {height} px) holds no {left},{top} to {right},{bottom}")
+    x, y, z = panel.position_m(np.array([left, top], dtype=float))
+    return replace(
+        panel,
+        name=name,
+        size_px=(right - left, bottom - top),
+        origin_m=(float(x), float(y), float(z)),
+        surface_m=(panel.surface_m[0] + left * panel.pitch_m[0], panel.surface_m[1] + top * panel.pitch_m[1]),
+        outline_px=tuple((x - left, y - top) for x, y in panel.outline_px),
+    )
 
 
 def _scaled(panel: Panel, factor: float) -> Panel:
@@ -247,7 +278,12 @@ class _Part(Display):
     """Some panels of a display, or all with fewer pixels: an image still lies on the whole display's surface."""
 
     whole: Rect = _NOWHERE
+    whole_pitch_m: float = 0.0
 
     @cached_property
     def surface(self) -> Rect:
         return self.whole
+
+    @property
+    def pitch_m(self) -> float:
+        return self.whole_pitch_m

@@ -30,24 +30,36 @@ from limen.track.walk import Heat
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["format_of", "traffic_picture", "traffic_plot", "walk_picture", "walk_plot"]
+__all__ = [
+    "COLOURS",
+    "GREY",
+    "INK",
+    "STYLE",
+    "Format",
+    "figure_bytes",
+    "format_of",
+    "traffic_picture",
+    "traffic_plot",
+    "walk_picture",
+    "walk_plot",
+]
 
 Format = Literal["png", "svg"]
 
 _LINE_IN = 0.29
 """Height of a line of text beside a strip, inches."""
 
-_INK, _GREY = "#222222", "#8a8a8a"
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_STYLE: dict[Any, Any] = {
+INK, GREY = "#222222", "#8a8a8a"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 10.0,
-    "axes.edgecolor": _GREY,
-    "axes.labelcolor": _INK,
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
     "svg.fonttype": "path",
     "svg.hashsalt": "limen",  # the same picture gives the same bytes
 }
@@ -92,7 +104,7 @@ def traffic_picture(report: Report, kind: Format = "svg") -> bytes:
 
     The axis is logarithmic: a level of the pyramid is the same step everywhere.
     """
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         count = len(report.counts)
         lines = 1 + max(len(counts.policies) for counts in report.counts)
         height = max(2.0, _LINE_IN * lines)
@@ -105,8 +117,8 @@ def traffic_picture(report: Report, kind: Format = "svg") -> bytes:
         display = report.view.display
         size = f"{len(display.panels)} panels, {display.total_px / 1e9:.3g} gigapixels"
         title = f"Pages that a frame needs: {report.content} on {display.name}, {size}"
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11.5, color=_INK)
-        return _bytes(figure, kind)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11.5, color=INK)
+        return figure_bytes(figure, kind)
 
 
 def _limits(counts: Sequence[Counts]) -> tuple[float, float]:
@@ -117,7 +129,7 @@ def _limits(counts: Sequence[Counts]) -> tuple[float, float]:
 
 def _strip(axes: Axes, counts: Counts, page_bytes: float, limits: tuple[float, float], height_in: float) -> None:
     axes.set(yscale="log", ylim=limits)
-    axes.set_title(f"Session {counts.session}", loc="left", fontsize=10, color=_INK)
+    axes.set_title(f"Session {counts.session}", loc="left", fontsize=10, color=INK)
     axes.yaxis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.6g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
@@ -126,15 +138,15 @@ def _strip(axes: Axes, counts: Counts, page_bytes: float, limits: tuple[float, f
     axes.set_axisbelow(True)
     axes.margins(x=0)
     labels: list[tuple[float, str, str]] = []
-    colours = iter(_COLOURS * (1 + len(counts.policies) // len(_COLOURS)))
+    colours = iter(COLOURS * (1 + len(counts.policies) // len(COLOURS)))
     for policy, pages, row in zip(counts.policies, counts.pages, counts.summary(page_bytes).rows, strict=True):
-        colour = _INK if policy.name == "full" else next(colours)
+        colour = INK if policy.name == "full" else next(colours)
         axes.plot(counts.time_s, np.maximum(pages, 1e-3), color=colour, linewidth=1.3)
         labels.append((row.pages_mean, _label(row), colour))
     floor = counts.human_samples / PAGE**2
-    axes.plot(counts.time_s, np.maximum(floor, 1e-3), color=_GREY, linewidth=1.2, linestyle=(0, (2.2, 1.4)))
+    axes.plot(counts.time_s, np.maximum(floor, 1e-3), color=GREY, linewidth=1.2, linestyle=(0, (2.2, 1.4)))
     axes.fill_between(counts.time_s, limits[0], np.maximum(floor, limits[0]), color="#efefef", linewidth=0)
-    labels.append((float(floor.mean()), f"floor  {floor.mean():,.0f}  human eyes", _GREY))
+    labels.append((float(floor.mean()), f"floor  {floor.mean():,.0f}  human eyes", GREY))
     _end_labels(axes, labels, limits, _LINE_IN / height_in)
 
 
@@ -168,7 +180,7 @@ def walk_picture(heat: Heat, hotspots: Sequence[Floats], session: Session, kind:
     """The floor from above: heat map, panels, and every viewer's path with its hotspots, (S, 2) for each."""
     room = heat.room
     wide, deep = room.size_m
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         scale = 8.0 / max(wide, deep)
         figure = Figure(figsize=(max(4.5, wide * scale) + 1.2, max(2.6, deep * scale) + 1.0), layout="constrained")
         axes = figure.subplots()
@@ -180,7 +192,7 @@ def walk_picture(heat: Heat, hotspots: Sequence[Floats], session: Session, kind:
         bar.outline.set_visible(False)
         _walls(axes, room)
         for number, (track, spots) in enumerate(zip(session.tracks, hotspots, strict=True)):
-            colour = _COLOURS[number % len(_COLOURS)]
+            colour = COLOURS[number % len(COLOURS)]
             axes.plot(track.position_m[:, 0], track.position_m[:, 2], color=colour, linewidth=0.9, alpha=0.75)
             axes.plot(*spots.T, "o", color=colour, markersize=6, markeredgecolor="white", label=f"{track.viewer}")
             axes.plot(*spots[0], "o", markersize=11, markerfacecolor="none", markeredgecolor=colour)
@@ -189,19 +201,19 @@ def walk_picture(heat: Heat, hotspots: Sequence[Floats], session: Session, kind:
         axes.set_ylim(room.high[1] + 0.15, room.low[1] - 0.15)
         people = "1 viewer" if len(session.tracks) == 1 else f"{len(session.tracks)} viewers"
         title = f"Session {session.name} in front of {session.display}: {session.duration_s:g} s, {people}, "
-        axes.set_title(title + f"{session.length_m:.0f} m; ring: the start", loc="left", fontsize=10.5, color=_INK)
-        return _bytes(figure, kind)
+        axes.set_title(title + f"{session.length_m:.0f} m; ring: the start", loc="left", fontsize=10.5, color=INK)
+        return figure_bytes(figure, kind)
 
 
 def _walls(axes: Axes, room: Room) -> None:
     rows = room.rows
     end = rows.start + rows.along * rows.length_m[:, None]
-    axes.add_collection(LineCollection(list(np.stack([rows.start, end], axis=1)), colors=_INK, linewidths=4.0))
+    axes.add_collection(LineCollection(list(np.stack([rows.start, end], axis=1)), colors=INK, linewidths=4.0))
     for low, high in rows.tables:
-        axes.fill([low[0], high[0], high[0], low[0]], [low[1], low[1], high[1], high[1]], color=_GREY, alpha=0.5)
+        axes.fill([low[0], high[0], high[0], low[0]], [low[1], low[1], high[1], high[1]], color=GREY, alpha=0.5)
 
 
-def _bytes(figure: Figure, kind: Format) -> bytes:
+def figure_bytes(figure: Figure, kind: Format) -> bytes:
     FigureCanvasAgg(figure)
     out = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {"Software": None}

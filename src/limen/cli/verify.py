@@ -1,0 +1,201 @@
+"""``limen verify``: the independent observer's verdict on what limen leaves out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import Parameter
+
+from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOption, chosen_panels
+from limen.cli.output import DEFAULT, Common, Output
+from limen.data.image import Image, open_image
+from limen.display.display import Display
+from limen.gpu.device import open_device
+from limen.placement import OnSurface
+from limen.select.image import view_of
+from limen.study.controls import Control, run_controls
+from limen.study.observer import Observer
+from limen.study.plots import format_of
+from limen.study.traffic import detail_of
+from limen.study.verdict_plot import verdict_plot
+from limen.study.verify import FACTORS, Judged, Trial, VerifyRow, judge_windows, rows_of, trials_of
+from limen.study.windows import Window, choose_windows
+from limen.tolerance import Policy
+from limen.track.walk import session_named
+
+__all__ = ["verify"]
+
+_Numbers = Annotated[list[float] | None, Parameter(consume_multiple=True, negative="")]
+_Words = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
+
+
+class WindowRow(msgspec.Struct):
+    """Where a window was; rows name their worst by its number."""
+
+    panel: str
+    rect_px: tuple[int, int, int, int]
+    time_s: float
+    viewer: str
+    distance_m: float
+    pixels_per_degree: float
+
+
+class VerifyReport(msgspec.Struct):
+    content: str
+    display: str
+    session: str
+    seed: int
+    peak_cd_m2: list[float]
+    controls: list[Control]
+    rows: list[VerifyRow]
+    windows: list[WindowRow]
+
+
+def verify(
+    content: Path,
+    /,
+    *,
+    display: DisplayOption,
+    panels: PanelsOption = [],  # noqa: B006 - cyclopts shows the default
+    session: str = "A",
+    policy: _Words = None,
+    acuity_arcmin: AcuityOption = "human",
+    views: int = 40,
+    distance_factors: _Numbers = None,
+    eccentricity_deg: _Numbers = None,
+    fit: FitOption = "contain",
+    seed: int = 0,
+    strict: Annotated[bool, Parameter(negative="")] = False,
+    plot: Path | None = None,
+    common: Common = DEFAULT,
+) -> None:
+    """Let a published model of vision look for what limen leaves out, in random windows of a walk.
+
+    Parameters
+    ----------
+    content
+        An image: a pyramid of any size, or anything smaller.
+    session
+        Whose viewers look: A, B, C (made for the display) or a session file.
+    policy
+        Policies to judge (default: acuity contrast acuity+gaze contrast+gaze).
+    views
+        How many windows.
+    distance_factors
+        How many times farther away the policies are told that the viewers are (default: 1 2 5 10; 1 is the truth).
+    eccentricity_deg
+        Angles between the gaze and the window (default: 0; for policies with +gaze 0 5 10 20).
+    seed
+        Other numbers choose other windows.
+    strict
+        Count a difference as detected from the threshold of visibility on, not from twice the threshold.
+    plot
+        Draw detection against the distance factor to this .png or .svg.
+    """
+    out = Output(common)
+    if plot is not None:
+        format_of(plot)  # a wrong ending should not cost minutes of judging
+    chosen = [Policy.parse(name, acuity_arcmin) for name in policy or _POLICIES]
+    trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)
+    whole, part = Display.named(display), chosen_panels(display, panels)
+    walk = session_named(session, whole)
+    observers = {light: Observer(light) for light in sorted({panel.luminance_cd_m2 for panel in part.panels})}
+    controls = _controls(out, observers)
+    report = VerifyReport(str(content), part.name, walk.name, seed, list(observers), controls, [], [])
+    if not all(control.holds for control in controls):
+        _print_failed(out, controls)
+        out.result(report)
+        sys.exit(1)
+    with open_image(content) as image:
+        windows = choose_windows(view_of(part, image.pyramid, OnSurface(fit)), walk, views, seed)
+        judged = _judge(out, image, part, OnSurface(fit), windows, trials, observers)
+    report.rows = rows_of(trials, judged, strict)
+    report.windows = [_window_row(part, window) for window in windows]
+    if plot is not None:
+        verdict_plot(report.rows, f"{content.name} on {part.name}, session {walk.name}", plot)
+    out.result(report)
+    _print(out, report, strict)
+
+
+_POLICIES = ("acuity", "contrast", "acuity+gaze", "contrast+gaze")
+
+
+def _controls(out: Output, observers: dict[float, Observer]) -> list[Control]:
+    with out.progress("pairs with known answers", len(observers)) as step:
+        found = []
+        for observer in observers.values():
+            found += run_controls(observer)
+            step(1)
+    return found
+
+
+def _judge(
+    out: Output,
+    image: Image,
+    display: Display,
+    placement: OnSurface,
+    windows: list[Window],
+    trials: list[Trial],
+    observers: dict[float, Observer],
+) -> list[Judged]:
+    if any(trial.policy.name == "contrast" for trial in trials):
+        with out.progress("looking for contrast", 1000) as step:
+            detail_of(image, display, progress=lambda done: step.to(round(1000 * done)))
+    judged = []
+    with open_device() as device, out.progress("judging windows", len(windows)) as step:
+        for each in judge_windows(device, image, display, placement, windows, trials, observers):
+            judged.append(each)
+            step(1)
+    return judged
+
+
+def _window_row(display: Display, window: Window) -> WindowRow:
+    looker = window.viewers[window.looker]
+    left, top, right, bottom = (int(side) for side in window.rect_px)
+    return WindowRow(
+        display.panels[window.panel].name,
+        (left, top, right, bottom),
+        looker.time_s,
+        looker.name,
+        window.distance_m,
+        window.pixels_per_degree,
+    )
+
+
+def _print_failed(out: Output, controls: list[Control]) -> None:
+    rows = [
+        (control.control, control.content, f"{control.jod:.3f}", f"{control.least:g} ... {control.most:g}")
+        for control in controls
+        if not control.holds
+    ]
+    out.table("the observer fails on pairs with known answers, so nothing else is reported",
+              ["control", "content", "JOD", "must be"], rows)  # fmt: skip
+    out.say("limen: the observer's controls failed; its packages may have changed: `limen doctor`")
+
+
+def _print(out: Output, report: VerifyReport, strict: bool) -> None:
+    columns = ["policy", "factor", "off gaze", "JOD mean", "least", "drop", "FLIP", "strict", "practical", "detected"]
+    rows = [_line(row) for row in report.rows]
+    out.table(f"{report.content} on {report.display}, {len(report.windows)} windows of session {report.session}",
+              columns, rows)  # fmt: skip
+    out.line()
+    alarms = max(row.false_alarms for row in report.rows)
+    limits = "9.95, drop over 0.10" if strict else "9.80, drop over 0.35"
+    out.line(f"Detected: JOD under {limits}. Of the catch pairs, both with all detail: {alarms * 100:.0f} %.")
+    out.line("Factor: how many times farther away than she is the policy was told that the viewer is.")
+
+
+def _line(row: VerifyRow) -> tuple[object, ...]:
+    return (
+        row.policy if row.acuity_arcmin is None else f"{row.policy} {row.acuity_arcmin:g}'",
+        f"{row.distance_factor:g}",
+        f"{row.eccentricity_deg:g}°",
+        f"{row.jod_mean:.3f}",
+        f"{row.jod_min:.3f}",
+        f"{row.drop_p99_max:.2f}",
+        "-" if row.flip_p99_max is None else f"{row.flip_p99_max:.3f}",
+        *(f"{share * 100:.0f} %" for share in (row.strict, row.practical, row.detected)),
+    )

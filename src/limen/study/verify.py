@@ -1,0 +1,194 @@
+"""What limen leaves out, judged by the independent observer in random windows of a walk.
+
+A user study with a model of vision for its subject: pairs of pictures, one with all detail and one that a policy drew,
+for the viewers' true distance and for wrong ones; and catch pairs, both with all detail.
+
+References
+----------
+Luebke, Hallen 2001, *Perceptually Driven Interactive Rendering*, University of Virginia CS-2001-01, section 6.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.image import Image
+from limen.display.display import Display
+from limen.errors import PageError
+from limen.frame import Renderer
+from limen.gpu.device import Device
+from limen.placement import OnSurface
+from limen.study.observer import Observer, Verdict
+from limen.study.windows import Window, cut_display
+from limen.tolerance import Policy
+from limen.viewer import Viewer
+
+__all__ = ["FACTORS", "GAZE_DEG", "Judged", "Trial", "VerifyRow", "judge_windows", "rows_of", "trials_of"]
+
+FACTORS = (1.0, 2.0, 5.0, 10.0)
+"""How many times farther away than they are the viewers are taken to be, unless told otherwise."""
+
+GAZE_DEG = (0.0, 5.0, 10.0, 20.0)
+"""Angles from the gaze at which policies with gaze are tried, unless told otherwise; the others are at 0."""
+
+_FULL = Policy("full")
+_POOL_BYTES = 128 << 20  # a window of 1,500 px, the largest that 8 m give, needs 80 pages
+
+Texels = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What every window is judged under; the policy knows its distance factor."""
+
+    policy: Policy
+    eccentricity_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One window: a verdict for each trial, and for each trial's catch pair."""
+
+    verdicts: tuple[Verdict, ...]
+    catches: tuple[Verdict, ...]
+
+
+class VerifyRow(msgspec.Struct, frozen=True):
+    """One trial over all windows."""
+
+    policy: str
+    acuity_arcmin: float | None
+    distance_factor: float
+    eccentricity_deg: float
+    windows: int
+    jod_mean: float
+    jod_min: float
+    drop_p99_max: float
+    flip_p99_max: float | None
+    strict: float
+    """Share of the windows in which nobody should see a difference."""
+    practical: float
+    """Share in which the difference stays within twice the threshold."""
+    detected: float
+    """Share in which the observer saw a difference."""
+    false_alarms: float
+    """Share of the catch pairs, both with all detail, in which it saw one."""
+    worst_window: int
+
+
+def trials_of(
+    policies: Iterable[Policy], factors: Sequence[float] = FACTORS, eccentricities_deg: Sequence[float] | None = None
+) -> list[Trial]:
+    """Every policy with every factor, at every angle from the gaze (by default only policies with gaze off it).
+
+    Raises
+    ------
+    InputError
+        If a factor is not a positive number.
+    """
+    trials = []
+    for policy in policies:
+        angles = eccentricities_deg or (GAZE_DEG if policy.gaze else (0.0,))
+        told = (replace(policy, distance_factor=factor) for factor in factors)
+        trials += [Trial(each, angle) for each in told for angle in angles]
+    return trials
+
+
+def judge_windows(
+    device: Device,
+    image: Image,
+    display: Display,
+    placement: OnSurface,
+    windows: Sequence[Window],
+    trials: Sequence[Trial],
+    observers: dict[float, Observer],
+) -> Iterator[Judged]:
+    """Draw and judge the windows one after the other, exactly as the display would show them.
+
+    Parameters
+    ----------
+    observers
+        By the luminance of panels' white, cd/m2.
+
+    Raises
+    ------
+    PageError
+        If a page of the image could not be read, for what would be judged is the page above it.
+    """
+    cut = cut_display(display, list(windows))
+    with Renderer(device, cut, image, placement, gpu_bytes=_POOL_BYTES) as renderer:
+        for number, window in enumerate(windows):
+            panel = cut.panels[number]
+            judge = _Judge(renderer, number, window, observers[panel.luminance_cd_m2])
+            yield judge.all(trials)
+
+
+class _Judge:
+    """One window; pictures that several trials share are drawn once."""
+
+    def __init__(self, renderer: Renderer, number: int, window: Window, observer: Observer) -> None:
+        self._renderer, self._number, self._window, self._observer = renderer, number, window, observer
+        self._drawn: dict[tuple[Policy, float], Texels] = {}
+        self._reference = self._draw(window.viewers, _FULL)
+        self._again = self._draw(window.viewers, _FULL)
+
+    def all(self, trials: Sequence[Trial]) -> Judged:
+        verdicts = [self._verdict(self._picture(trial), trial.eccentricity_deg) for trial in trials]
+        catches = {angle: self._verdict(self._again, angle) for angle in {trial.eccentricity_deg for trial in trials}}
+        return Judged(tuple(verdicts), tuple(catches[trial.eccentricity_deg] for trial in trials))
+
+    def _verdict(self, picture: Texels, eccentricity_deg: float) -> Verdict:
+        return self._observer.judge(picture, self._reference, self._window.pixels_per_degree, eccentricity_deg)
+
+    def _picture(self, trial: Trial) -> Texels:
+        """Where the policy does not ask for the gaze, one picture serves all angles."""
+        angle = trial.eccentricity_deg if trial.policy.gaze else 0.0
+        if (trial.policy, angle) not in self._drawn:
+            viewers = self._window.viewers
+            if trial.policy.gaze:
+                viewers = self._window.gazing(self._renderer.view.display.panels[self._number], angle)
+            self._drawn[trial.policy, angle] = self._draw(viewers, trial.policy)
+        return self._drawn[trial.policy, angle]
+
+    def _draw(self, viewers: Sequence[Viewer], policy: Policy) -> Texels:
+        ((_, picture, report),) = self._renderer.pictures(viewers, policy, panels=[self._number])
+        if report.missing:
+            raise PageError(f"{report.missing} pages of a window could not be read, so it cannot be judged")
+        return np.ascontiguousarray(picture[..., :3])
+
+
+def rows_of(trials: Sequence[Trial], judged: Sequence[Judged], strict: bool = False) -> list[VerifyRow]:
+    """A row for each trial. ``strict``: a window counts as detected where it misses the strict limits."""
+    return [_row(trial, number, judged, strict) for number, trial in enumerate(trials)]
+
+
+def _row(trial: Trial, number: int, judged: Sequence[Judged], strict: bool) -> VerifyRow:
+    verdicts = [each.verdicts[number] for each in judged]
+    jods = np.array([verdict.jod for verdict in verdicts])
+    flips = [verdict.flip_p99 for verdict in verdicts if verdict.flip_p99 is not None]
+    return VerifyRow(
+        policy=trial.policy.title,
+        acuity_arcmin=None if trial.policy.name == "full" else trial.policy.acuity_arcmin,
+        distance_factor=trial.policy.distance_factor,
+        eccentricity_deg=trial.eccentricity_deg,
+        windows=len(verdicts),
+        jod_mean=float(jods.mean()),
+        jod_min=float(jods.min()),
+        drop_p99_max=max(verdict.drop_p99 for verdict in verdicts),
+        flip_p99_max=max(flips) if flips else None,
+        strict=float(np.mean([verdict.strict for verdict in verdicts])),
+        practical=float(np.mean([verdict.practical for verdict in verdicts])),
+        detected=_detected(verdicts, strict),
+        false_alarms=_detected([each.catches[number] for each in judged], strict),
+        worst_window=int(jods.argmin()),
+    )
+
+
+def _detected(verdicts: Sequence[Verdict], strict: bool) -> float:
+    """Share of pairs in which the observer sees a difference."""
+    return float(np.mean([not (verdict.strict if strict else verdict.practical) for verdict in verdicts]))
