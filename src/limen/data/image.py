@@ -61,7 +61,7 @@ class ImageInfo(msgspec.Struct, frozen=True, kw_only=True):
     """What ``limen info`` says about an image; sizes are [width, height] in texels.
 
     ``faint_share`` is, for each level but the finest, the share of its pages to which the next finer level adds less
-    than 1 % contrast (see :mod:`limen.data.contrast`); None while that is not known.
+    than 1 % contrast in every window of 32 x 32 texels (see :mod:`limen.data.contrast`); None while that is not known.
     """
 
     kind: str = "image"

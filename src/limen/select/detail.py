@@ -81,7 +81,8 @@ def contrast_detail(pyramid: Pyramid, contrast: Floats, luminance_cd_m2: Floats)
     Parameters
     ----------
     contrast
-        The largest contrast of what the next finer level adds to each page, 0 ... 1, shape (pages,).
+        Of what the next finer level adds to each page, where it adds most over an area that the eye sums (see
+        :mod:`limen.data.contrast`), 0 ... 1, shape (pages,).
     luminance_cd_m2
         Of the panels' white, any shape.
     """
