@@ -66,7 +66,8 @@ def reference(image, level, column, row):
             w, h = (min(256, size - 256 * at) for size, at in zip(finer.size_px, (x, y), strict=True))
             fine = composed(image.read_page((level - 1, x, y), gutter=0))[:h, :w].astype(float)
             top, left = 256 * (y - 2 * row), 256 * (x - 2 * column)
-            white, red, violet = map(strongest_window, plain_contrasts(fine, below[top : top + h, left : left + w]))
+            found = plain_contrasts(fine, below[top : top + h, left : left + w])
+            white, red, violet = map(strongest_window, found, (32, 16, 16))
             with np.errstate(divide="ignore"):
                 red = 10 ** (RED_POWER * (2.17939 + np.log10(red)) - 2.13475)
                 violet = 10 ** (VIOLET_POWER * (1.77669 + np.log10(violet)) - 2.13475)
@@ -77,14 +78,14 @@ def reference(image, level, column, row):
 RED_POWER, VIOLET_POWER = 0.043936 / 0.029965, 0.043936 / 0.055037
 
 
-def strongest_window(contrasts):
-    """(h, w) to one number: a square of 32, every 8 texels, half of it at least in the quarter, each way."""
-    energy, most = np.minimum(contrasts, 2.0) ** 2, 0.0
-    starts = [range(-16, 8 * -(-size // 8) - 15, 8) for size in energy.shape]
+def strongest_window(contrasts, edge):
+    """(h, w) to one number: a square, every 8 texels, half of it at least in the quarter, each way."""
+    energy, most, half = np.minimum(contrasts, 2.0) ** 2, 0.0, edge // 2
+    starts = [range(-half, 8 * -(-size // 8) - half + 1, 8) for size in energy.shape]
     for top in starts[0]:
         for left in starts[1]:
-            part = energy[max(top, 0) : top + 32, max(left, 0) : left + 32]
-            most = max(most, part.sum() / max(part.size, 16 * 16))
+            part = energy[max(top, 0) : top + edge, max(left, 0) : left + edge]
+            most = max(most, part.sum() / max(part.size, half * half))
     return math.sqrt(2.0 * most)
 
 

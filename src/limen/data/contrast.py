@@ -18,15 +18,15 @@ An eye does not see a lone texel as it sees a grating: it sums the energy of con
 sensitivity to a patch of area A goes as ``sqrt(Ac / (1 + Ac / A))``, so with the root of A up to the critical area
 ``Ac = A0 / (1 + (rho / f0)**2)``, A0 = 157.103 deg2, f0 = 0.702338 cycles a degree. Above some 2 cycles a degree ``Ac
 rho**2`` is A0 f0**2 = 77.5 cycles2, a square of 8.8 cycles. The coarsest pattern that only the finer level can show,
-and the best visible, has four fine texels a cycle: its square is 35 texels wide. (Of the colours 15 and 13.5, for A0
-f0**2 is 14.2 and 11.4: coloured specks are counted too low, by at most 2.1 and 2.4 times.) So the squares of the
-contrasts, each no more than 2, are averaged over windows of 32 x 32 fine texels, one every 8 texels each way, and a
-window's contrast is the root of twice the mean: that of a grating of the same energy. A page has the contrast of its
-strongest window. In finer patterns Ac is less, but the eye's sensitivity to them is, too.
+and the best visible, has four fine texels a cycle: its square is 35 texels wide, and those of the colours 15 and 13.5
+(A0 f0**2 is 14.2 and 11.4 cycles2). So the squares of the contrasts, each no more than 2, are averaged over windows of
+32 x 32 fine texels, for the colours 16 x 16, one every 8 texels each way, and a window's contrast is the root of twice
+the mean: that of a grating of the same energy. A page has the contrast of its strongest window. In finer patterns Ac is
+less, but the eye's sensitivity to them is, too.
 
 Every finer page is measured by itself. At its borders windows are cut to no less than half, and averaged over what is
 left: a pattern that lies across a border counts as much as inside, one that ends at a border more. Windows at the
-image's edge average over the texels inside the image, or over 16 x 16 where there are fewer.
+image's edge average over the texels inside the image, or over a quarter of the window where there are fewer.
 
 References
 ----------

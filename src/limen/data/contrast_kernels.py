@@ -16,11 +16,8 @@ __all__ = ["BLOCK", "WINDOW_BLOCKS", "largest_contrasts"]
 BLOCK = 8
 """Edge of the squares, in texels, whose energy is summed first; windows begin where they do."""
 
-WINDOW_BLOCKS = 4
-"""Edge of a window in blocks; at a quarter's borders windows are cut to no less than half of it."""
-
-_FEWEST_TEXELS = (WINDOW_BLOCKS // 2 * BLOCK) ** 2
-"""What little of an image reaches into a window at its edge is not thereby an image of its own."""
+WINDOW_BLOCKS = (4, 2, 2)
+"""Edges of windows in blocks, for luminance and the two colours; at a quarter's borders they are cut to half."""
 
 _MOST_ENERGY = np.float32(4.0)
 """A contrast counts up to 2, for a lone star in the dark would outshine any grating."""
@@ -104,29 +101,22 @@ def _add_to_blocks(energies: Any, dark: Any, discount: Any, blocks: Any) -> None
 
 
 @njit(cache=True, nogil=True)
-def _raise_to_windows(blocks: Any, rows: Any, columns: Any, found: Any) -> None:
-    """Raise ``found`` to the contrasts of all windows over ``blocks`` (n, m, 3), of ``rows`` x ``columns`` texels."""
-    half = WINDOW_BLOCKS // 2
-    most_a = most_r = most_y = 0.0
+def _strongest_window(blocks: Any, edge: Any, rows: Any, columns: Any) -> Any:
+    """The largest contrast of all windows of ``edge`` x ``edge`` blocks (n, m), of ``rows`` x ``columns`` texels."""
+    half, most = edge // 2, 0.0
+    # What little of an image reaches into a window at its edge is not thereby an image of its own.
+    fewest = (half * BLOCK) ** 2
     for top in range(-half, blocks.shape[0] - half + 1):
-        first, last = max(top, 0), min(top + WINDOW_BLOCKS, blocks.shape[0])
+        first, last = max(top, 0), min(top + edge, blocks.shape[0])
         height = min(last * BLOCK, rows) - first * BLOCK
         for left in range(-half, blocks.shape[1] - half + 1):
-            start, end = max(left, 0), min(left + WINDOW_BLOCKS, blocks.shape[1])
-            texels = max(height * (min(end * BLOCK, columns) - start * BLOCK), _FEWEST_TEXELS)
-            white = red = violet = 0.0
+            start, end = max(left, 0), min(left + edge, blocks.shape[1])
+            energy = 0.0
             for i in range(first, last):
                 for k in range(start, end):
-                    white += blocks[i, k, 0]
-                    red += blocks[i, k, 1]
-                    violet += blocks[i, k, 2]
-            most_a = max(most_a, white / texels)
-            most_r = max(most_r, red / texels)
-            most_y = max(most_y, violet / texels)
-    # The mean energy of a grating is half the square of its contrast.
-    found[0] = max(found[0], np.sqrt(2.0 * most_a))
-    found[1] = max(found[1], np.sqrt(2.0 * most_r))
-    found[2] = max(found[2], np.sqrt(2.0 * most_y))
+                    energy += blocks[i, k]
+            most = max(most, energy / max(height * (min(end * BLOCK, columns) - start * BLOCK), fewest))
+    return np.sqrt(2.0 * most)  # the mean energy of a grating is half the square of its contrast
 
 
 @njit(cache=True, nogil=True)
@@ -168,4 +158,6 @@ def largest_contrasts(
         if not same.all():
             _contrast_energies(line, above, same, mechanisms, black, energies, dark)
             _add_to_blocks(energies, dark, discount, blocks[y // BLOCK])
-    _raise_to_windows(blocks, rows, columns, found)
+    for mechanism in range(3):
+        strongest = _strongest_window(blocks[:, :, mechanism], WINDOW_BLOCKS[mechanism], rows, columns)
+        found[mechanism] = max(found[mechanism], strongest)
