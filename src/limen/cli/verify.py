@@ -81,13 +81,13 @@ def verify(
     session
         Whose viewers look: A, B, C (made for the display) or a session file.
     policy
-        Policies to judge (default: acuity contrast acuity+gaze contrast+gaze).
+        Policies to judge (default: acuity contrast contrast+gaze).
     views
         How many windows.
     distance_factors
         How many times farther away the policies are told that the viewers are (default: 1 2 5 10; 1 is the truth).
     eccentricity_deg
-        Angles between the gaze and the window (default: 0; for policies with +gaze 0 5 10 20).
+        Angles between the gaze and the window (default: 0; for policies with +gaze 0 10 20).
     seed
         Other numbers choose other windows.
     strict
@@ -120,7 +120,7 @@ def verify(
     _print(out, report, strict)
 
 
-_POLICIES = ("acuity", "contrast", "acuity+gaze", "contrast+gaze")
+_POLICIES = ("acuity", "contrast", "contrast+gaze")
 
 
 def _controls(out: Output, observers: dict[float, Observer]) -> list[Control]:

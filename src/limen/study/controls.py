@@ -6,11 +6,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.resample import linear_of_srgb
 from limen.study.charts import CHARTS, chart
 from limen.study.filters import magnified, resampled
 from limen.study.kernels import drawn_level, judged, pixels_per_degree, window_px
-from limen.study.observer import FAILED_JOD, Observer
+from limen.study.observer import FAILED_JOD, Observer, light_of
 
 __all__ = ["Control", "run_controls"]
 
@@ -63,7 +62,7 @@ def _fine_jod(observer: Observer, page: Window) -> float:
     """Of level 1, halved and drawn well and not rounded to 8 bits, with the samples a degree that people resolve."""
     texel_arcmin = 60 / FINE_SAMPLES_PER_DEGREE
     low, high = _FINE_RANGE
-    light = low + (high - low) * linear_of_srgb(page / 255.0)
+    light = low + (high - low) * light_of(page)
     drawn = magnified(resampled(light, 2.0, "lanczos-3"), (_SIDE_PX, _SIDE_PX), "catmull-rom")
     side = window_px(texel_arcmin, 1)
     first = (_SIDE_PX - side) // 4 * 2

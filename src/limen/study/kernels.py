@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.resample import linear_of_srgb, srgb_of_linear
+from limen.data.resample import srgb_of_linear
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.filters import magnified, resampled
-from limen.study.observer import SAMPLES_PER_DEGREE, WINDOW_PX, Observer, Verdict
+from limen.study.observer import SAMPLES_PER_DEGREE, WINDOW_PX, Observer, Verdict, light_of
 
 __all__ = ["KernelRow", "angle_that_passes", "drawn_level", "judged", "kernel_rows", "pixels_per_degree", "window_px"]
 
@@ -57,8 +57,8 @@ def drawn_level(content: Window, level: int, halving: str, drawing: str) -> Wind
         raise InputError(f"sides must be multiples of {2**level} for level {level}, got {content.shape[:2]}")
     pixels = content
     for _ in range(level):
-        pixels = _coded(resampled(_light(pixels), 2.0, halving))
-    return pixels if level == 0 else _coded(magnified(_light(pixels), (content.shape[0], content.shape[1]), drawing))
+        pixels = _coded(resampled(light_of(pixels), 2.0, halving))
+    return pixels if level == 0 else _coded(magnified(light_of(pixels), (content.shape[0], content.shape[1]), drawing))
 
 
 def kernel_rows(
@@ -111,10 +111,6 @@ def judged(
     top, left = ((length - side) // 2 // 2**level * 2**level for length in shape)
     drawn, content = (window[top : top + side, left : left + side] for window in pair)
     return observer.judge(drawn, content, pixels_per_degree(texel_arcmin, level), eccentricity_deg)
-
-
-def _light(pixels: Window) -> Floats:
-    return linear_of_srgb(pixels / 255.0)
 
 
 def _coded(light: Floats) -> Window:

@@ -27,12 +27,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.resample import linear_of_srgb, srgb_of_linear
+from limen.data.resample import LINEAR_OF_SRGB, srgb_of_linear
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.filters import resampled
 
-__all__ = ["INSTALL", "LEAST_WINDOW_PX", "SAMPLES_PER_DEGREE", "WINDOW_PX", "Observer", "Verdict", "missing_packages"]
+__all__ = [
+    "INSTALL",
+    "LEAST_WINDOW_PX",
+    "SAMPLES_PER_DEGREE",
+    "WINDOW_PX",
+    "Observer",
+    "Verdict",
+    "light_of",
+    "missing_packages",
+    "sampled",
+]
 
 INSTALL = (
     "pip install --no-deps torch==2.13.0 cvvdp==0.5.7 --extra-index-url https://download.pytorch.org/whl/cpu",
@@ -70,6 +80,8 @@ These are ``-cF cR`` of Ashraf et al. 2025.
 _RIM_PX = 4
 
 Window = NDArray[np.uint8]
+
+_LIGHT: Floats = LINEAR_OF_SRGB.astype(float)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,30 +191,28 @@ class Observer:
         for name, window in (("test", test), ("reference", reference)):
             if window.dtype != np.uint8:
                 raise InputError(f"{name} must be uint8 sRGB, got {window.dtype}")
-        return self.judge_light(
-            linear_of_srgb(test / 255.0), linear_of_srgb(reference / 255.0), pixels_per_degree, eccentricity_deg
-        )
+        return self.judge_light(light_of(test), light_of(reference), pixels_per_degree, eccentricity_deg)
 
     def judge_light(
         self, test: Floats, reference: Floats, samples_per_degree: float, eccentricity_deg: float = 0.0
     ) -> Verdict:
         """`judge` of windows in linear light, 0 ... 1 of what the display emits beyond its black."""
         _check(test, reference, samples_per_degree, eccentricity_deg)
-        ratio = max(1.0, samples_per_degree / SAMPLES_PER_DEGREE)
-        ground = reference.mean(axis=(0, 1))
-        seen = []
-        for light in (test, reference):
-            window = self._peripheral(_faded(light, ground, ratio), samples_per_degree, eccentricity_deg)
-            # The periphery first: it leaves nothing that resampling could turn into overshoot, and that into clipping.
-            seen.append(np.clip(resampled(window, ratio, "kaiser-4") if ratio > 1 else window, 0.0, 1.0))
-        height, width = seen[0].shape[:2]
+        (test, rate), (reference, _) = (sampled(light, samples_per_degree) for light in (test, reference))
+        height, width = test.shape[:2]
         if min(height, width) < LEAST_WINDOW_PX or max(height, width) > WINDOW_PX:
             raise InputError(
                 f"a window of {width} x {height} samples cannot be judged: sides go from {LEAST_WINDOW_PX} to "
                 f"{WINDOW_PX} at not more than {SAMPLES_PER_DEGREE:g} samples a degree"
             )
-        jod, drop = self._differences(seen[0], seen[1], samples_per_degree / ratio)
-        flip = None if self._flip is None else self._flip_p99(seen[0], seen[1], samples_per_degree / ratio)
+        ground = reference.mean(axis=(0, 1))
+        # Clipped at the very end: what resampling overshoots is mostly lost on the periphery.
+        seen = [
+            np.clip(self._peripheral(_faded(light, ground), rate, eccentricity_deg), 0.0, 1.0)
+            for light in (test, reference)
+        ]
+        jod, drop = self._differences(seen[0], seen[1], rate)
+        flip = None if self._flip is None or eccentricity_deg else self._flip_p99(seen[0], seen[1], rate)
         return Verdict(jod, float(np.percentile(drop, 99)), flip)
 
     def _peripheral(self, light: Floats, samples_per_degree: float, eccentricity_deg: float) -> Floats:
@@ -243,6 +253,17 @@ class Observer:
         coded = [np.ascontiguousarray(srgb_of_linear(light), dtype=np.float32) for light in (reference, test)]
         errors, _, _ = self._flip.evaluate(*coded, "LDR", True, False, False, {"ppd": samples_per_degree})
         return float(np.percentile(errors, 99))
+
+
+def light_of(window: Window) -> Floats:
+    """Linear light, 0 ... 1, of sRGB codes, uint8 of any shape."""
+    return _LIGHT[window]
+
+
+def sampled(light: Floats, samples_per_degree: float) -> tuple[Floats, float]:
+    """A window in linear light (H, W, 3) at no more than `SAMPLES_PER_DEGREE`, and how many it has then."""
+    ratio = samples_per_degree / SAMPLES_PER_DEGREE
+    return (light, samples_per_degree) if ratio <= 1 else (resampled(light, ratio, "kaiser-4"), SAMPLES_PER_DEGREE)
 
 
 def _check(test: Floats, reference: Floats, samples_per_degree: float, eccentricity_deg: float) -> None:
@@ -288,19 +309,19 @@ def _second_observer() -> Any:
         return None
 
 
-def _faded(light: Floats, ground: Floats, ratio: float) -> Floats:
+def _faded(light: Floats, ground: Floats) -> Floats:
     """The window with its rim faded into a plain ground, as gratings are shown to people.
 
     At an edge the observer's pyramid repeats the last samples, so that a fine regular pattern ends in a coarse, visible
     one: binary noise lost 0.1 JOD and a one-pixel grating 0.5 to it alone.
     """
-    down, across = (_rise(side, _RIM_PX * ratio) for side in light.shape[:2])
+    down, across = (_rise(side) for side in light.shape[:2])
     return np.asarray(ground + (light - ground) * (down[:, None] * across)[..., None])
 
 
-def _rise(side: int, rim_px: float) -> Floats:
+def _rise(side: int) -> Floats:
     from_edge = np.minimum(np.arange(side), np.arange(side)[::-1]) + 0.5
-    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(from_edge / rim_px, 1.0)))
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(from_edge / _RIM_PX, 1.0)))
 
 
 @contextlib.contextmanager

@@ -15,15 +15,15 @@ from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from limen.data.image import Image
 from limen.display.display import Display
 from limen.errors import PageError
 from limen.frame import Renderer
+from limen.geometry import Floats
 from limen.gpu.device import Device
 from limen.placement import OnSurface
-from limen.study.observer import Observer, Verdict
+from limen.study.observer import Observer, Verdict, light_of, sampled
 from limen.study.windows import Window, cut_display
 from limen.tolerance import Policy
 from limen.viewer import Viewer
@@ -33,13 +33,15 @@ __all__ = ["FACTORS", "GAZE_DEG", "Judged", "Trial", "VerifyRow", "judge_windows
 FACTORS = (1.0, 2.0, 5.0, 10.0)
 """How many times farther away than they are the viewers are taken to be, unless told otherwise."""
 
-GAZE_DEG = (0.0, 5.0, 10.0, 20.0)
+GAZE_DEG = (0.0, 10.0, 20.0)
 """Angles from the gaze at which policies with gaze are tried, unless told otherwise; the others are at 0."""
 
 _FULL = Policy("full")
-_POOL_BYTES = 128 << 20  # a window of 1,500 px, the largest that 8 m give, needs 80 pages
+_POOL_BYTES = 128 << 20
+"""460 pages; a window of 1,600 px, the largest that the Reality Deck gives, shows 80."""
 
-Texels = NDArray[np.uint8]
+_ALIKE = Verdict(10.0, 0.0)
+"""Of a picture and itself, as every run's controls see to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,11 +131,12 @@ def judge_windows(
 
 
 class _Judge:
-    """One window; pictures that several trials share are drawn once."""
+    """One window; pictures that several trials share are drawn, and sampled as finely as eyes can, once."""
 
     def __init__(self, renderer: Renderer, number: int, window: Window, observer: Observer) -> None:
         self._renderer, self._number, self._window, self._observer = renderer, number, window, observer
-        self._drawn: dict[tuple[Policy, float], Texels] = {}
+        self._drawn: dict[tuple[Policy, float], Floats] = {}
+        self._samples_per_degree = 0.0
         self._reference = self._draw(window.viewers, _FULL)
         self._again = self._draw(window.viewers, _FULL)
 
@@ -142,10 +145,12 @@ class _Judge:
         catches = {angle: self._verdict(self._again, angle) for angle in {trial.eccentricity_deg for trial in trials}}
         return Judged(tuple(verdicts), tuple(catches[trial.eccentricity_deg] for trial in trials))
 
-    def _verdict(self, picture: Texels, eccentricity_deg: float) -> Verdict:
-        return self._observer.judge(picture, self._reference, self._window.pixels_per_degree, eccentricity_deg)
+    def _verdict(self, light: Floats, eccentricity_deg: float) -> Verdict:
+        if np.array_equal(light, self._reference):
+            return _ALIKE
+        return self._observer.judge_light(light, self._reference, self._samples_per_degree, eccentricity_deg)
 
-    def _picture(self, trial: Trial) -> Texels:
+    def _picture(self, trial: Trial) -> Floats:
         """Where the policy does not ask for the gaze, one picture serves all angles."""
         angle = trial.eccentricity_deg if trial.policy.gaze else 0.0
         if (trial.policy, angle) not in self._drawn:
@@ -155,11 +160,12 @@ class _Judge:
             self._drawn[trial.policy, angle] = self._draw(viewers, trial.policy)
         return self._drawn[trial.policy, angle]
 
-    def _draw(self, viewers: Sequence[Viewer], policy: Policy) -> Texels:
+    def _draw(self, viewers: Sequence[Viewer], policy: Policy) -> Floats:
         ((_, picture, report),) = self._renderer.pictures(viewers, policy, panels=[self._number])
         if report.missing:
             raise PageError(f"{report.missing} pages of a window could not be read, so it cannot be judged")
-        return np.ascontiguousarray(picture[..., :3])
+        light, self._samples_per_degree = sampled(light_of(picture[..., :3]), self._window.pixels_per_degree)
+        return light
 
 
 def rows_of(trials: Sequence[Trial], judged: Sequence[Judged], strict: bool = False) -> list[VerifyRow]:
