@@ -118,6 +118,17 @@ def damage(content, how):
     }[how]
 
 
+def test_what_the_first_version_measured_otherwise_is_found_anew(picture):
+    first = bytes_of(picture)
+    sidecar = sidecar_of(picture)
+    line, payload = sidecar.read_bytes().split(b"\n", 1)
+    sidecar.write_bytes(msgspec.json.encode({**msgspec.json.decode(line), "version": 1}) + b"\n" + payload)
+    with limen.data.open(picture) as image:
+        assert read_contrast(image.path, image.pyramid) is None
+    assert np.array_equal(bytes_of(picture), first)
+    assert msgspec.json.decode(sidecar.read_bytes().split(b"\n", 1)[0])["version"] == 2
+
+
 HOWS = ["cut", "empty", "flipped", "foreign", "binary", "no-payload", "list", "version", "another-size"]
 
 

@@ -33,7 +33,7 @@ def info(file: Path, *, common: Common = DEFAULT) -> None:
     out.line(f"  tiles of {tile}, {where}; levels in the file: {len(found.file_levels)}")
     if found.mean_page_bytes is not None:
         out.line(f"  {_amount(found.mean_page_bytes)} a page at full resolution")
-    out.line(f"  contrast of what finer levels add: {found.contrast}")
+    out.line(f"  contrast that finer levels add, over 32 x 32 texels: {found.contrast}")
     edge = found.page_px
     rows = [(level, f"{w} x {h}", -(-w // edge) * -(-h // edge)) for level, (w, h) in enumerate(found.levels)]
     if found.faint_share is None:

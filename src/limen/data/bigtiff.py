@@ -20,7 +20,10 @@ from numpy.typing import NDArray
 
 from limen.data.partial import PartialFile
 
-__all__ = ["BigTiffWriter", "DeflateTiles", "JpegTiles", "TileCoder"]
+__all__ = ["SOFTWARE", "BigTiffWriter", "DeflateTiles", "JpegTiles", "TileCoder"]
+
+SOFTWARE = "limen"
+"""The tag Software of our files: their levels need no look at how they were made."""
 
 Texels = NDArray[np.uint8]
 Tag = tuple[int, int, Sequence[int] | bytes]

@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 Bytes = NDArray[np.uint8]
 
-_VERSION = 1
+_VERSION = 2
 """To be raised whenever the bytes of the same picture would change: older files are then made anew."""
 
 

@@ -8,9 +8,10 @@ scales (:func:`limen.data.tiles.scales_of` tells how a file level's scale is fou
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -20,10 +21,12 @@ import pyvips
 from numpy.typing import NDArray
 
 from limen.data import vips
+from limen.data.bigtiff import SOFTWARE
 from limen.data.cache import TileCache
 from limen.data.contrast_file import faint_shares
 from limen.data.deepzoom import DeepZoomLevel, open_deepzoom
 from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.data.softness import soft_from
 from limen.data.tiff import TiffImage, TiffLevel, is_tiff
 from limen.data.tiles import ArrayLevel, DerivedLevel, TileLevel, read_rectangle
 from limen.errors import FormatError, InputError, MissingFileError, NeedsIngestError, PageError
@@ -58,7 +61,7 @@ class ImageInfo(msgspec.Struct, frozen=True, kw_only=True):
     """What ``limen info`` says about an image; sizes are [width, height] in texels.
 
     ``faint_share`` is, for each level but the finest, the share of its pages to which the next finer level adds less
-    than 1 % contrast (see :mod:`limen.data.contrast`); None while that is not known.
+    than 1 % contrast in every window of 32 x 32 texels (see :mod:`limen.data.contrast`); None while that is not known.
     """
 
     kind: str = "image"
@@ -74,6 +77,7 @@ class ImageInfo(msgspec.Struct, frozen=True, kw_only=True):
     tile_px: tuple[int, int]
     file_levels: list[tuple[int, int]]
     in_place: bool
+    soft_from_level: int | None
     bytes: int
     mean_page_bytes: float | None
     contrast: Literal["known", "not yet"]
@@ -87,6 +91,7 @@ class _Facts:
     colour: str
     bits: int
     in_place: bool = True
+    own: bool = False
     mean_page_bytes: float | None = None
 
 
@@ -106,14 +111,24 @@ class Image:
     ) -> None:
         self.path = path
         self.size_px: tuple[int, int] = levels[0].size_px
-        self.pyramid = Pyramid.of(self.size_px)
         self.mean_page_bytes = facts.mean_page_bytes
         self._facts = facts
         self._file_levels = tuple(levels)
         self._cache = TileCache(cache_bytes)
+        self.pyramid = replace(Pyramid.of(self.size_px), soft_from=self._soft_from())
         self._owner = owner
         self._closing = threading.Lock()
         self._levels = _page_levels(self.pyramid, levels, self._cache)
+
+    def _soft_from(self) -> int | None:
+        """The first level of pages that comes from texels softer than our own kernel would have made them."""
+        if self._facts.own or not self._facts.in_place:
+            return None
+        try:
+            scale = soft_from(self._file_levels, self._cache)
+        except (ValueError, OSError):
+            return None  # whoever reads these tiles next hears of it
+        return None if scale is None else max(1, round(math.log2(scale)))
 
     def read_page(self, page: int | tuple[int, int, int], gutter: int = GUTTER) -> Texels:
         """One page with its gutter: RGBA, sRGB, uint8 (PAGE + 2 gutter, PAGE + 2 gutter, 4), the caller's own.
@@ -152,6 +167,7 @@ class Image:
             tile_px=self._file_levels[0].tile_px,
             file_levels=[level.size_px for level in self._file_levels],
             in_place=facts.in_place,
+            soft_from_level=self.pyramid.soft_from,
             bytes=self.path.stat().st_size,
             mean_page_bytes=facts.mean_page_bytes,
             contrast="not yet" if shares is None else "known",
@@ -252,7 +268,14 @@ def _tiff_facts(tiff: TiffImage) -> _Facts:
     }[profile]
     finest: TiffLevel = tiff.levels[0]
     compression = getattr(base.compression, "name", str(base.compression))
-    return _Facts("TIFF", compression, colour, int(base.bitspersample), mean_page_bytes=finest.mean_page_bytes())
+    return _Facts(
+        "TIFF",
+        compression,
+        colour,
+        int(base.bitspersample),
+        own=tiff.software == SOFTWARE,
+        mean_page_bytes=finest.mean_page_bytes(),
+    )
 
 
 def _assemble(

@@ -45,6 +45,8 @@ class Level:
 class Pyramid:
     """Levels from full resolution (0) down to the first that fits into one page.
 
+    From level ``soft_from`` on, texels are softer than they could be: to be drawn where half their size would do.
+
     >>> pyramid = Pyramid.of((1000, 300))
     >>> [(level.size_px, level.columns, level.rows, level.first_page) for level in pyramid.levels]
     [((1000, 300), 4, 2, 0), ((500, 150), 2, 1, 8), ((250, 75), 1, 1, 10)]
@@ -55,6 +57,7 @@ class Pyramid:
     size_px: tuple[int, int]
     levels: tuple[Level, ...]
     page_count: int
+    soft_from: int | None = None
 
     @classmethod
     def of(cls, size_px: tuple[int, int]) -> Pyramid:

@@ -18,7 +18,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.bigtiff import BigTiffWriter, TileCoder
+from limen.data.bigtiff import SOFTWARE, BigTiffWriter, TileCoder
 from limen.data.contrast import ContrastSurvey
 from limen.data.contrast_file import write_contrast
 from limen.data.image import open_image
@@ -33,7 +33,6 @@ __all__ = ["PyramidWriter"]
 
 Texels = NDArray[np.uint8]
 
-SOFTWARE = "limen"
 _KEPT = 8
 """Rows kept from before: a row not yet halved reaches back 7 at most."""
 _HALVED_COLUMNS = 1024

@@ -155,6 +155,12 @@ class TiffImage:
         tag = self.base.tags.get(34675)
         return bytes(tag.value) if tag is not None and isinstance(tag.value, bytes) else None
 
+    @property
+    def software(self) -> str:
+        """The program that wrote the file, if it says so."""
+        tag = self.base.tags.get(305)
+        return str(tag.value) if tag is not None else ""
+
     def close(self) -> None:
         if self._tiff is not None:
             self._tiff.close()

@@ -53,8 +53,10 @@ class Detail(NamedTuple):
 
 
 def plain_detail(pyramid: Pyramid) -> Detail:
-    """What is finer than the tolerance is not seen, whatever it shows."""
-    tau = np.concatenate([np.full(level.page_count, 2.0**number) for number, level in enumerate(pyramid.levels)])
+    """What is finer than the tolerance is not seen, whatever it shows; soft levels count as one level coarser."""
+    soft = len(pyramid.levels) if pyramid.soft_from is None else pyramid.soft_from
+    sizes = [2.0 ** (number + (number >= soft)) for number in range(len(pyramid.levels))]
+    tau = np.repeat(sizes, [level.page_count for level in pyramid.levels])
     return _nested(pyramid, tau)
 
 
@@ -79,7 +81,8 @@ def contrast_detail(pyramid: Pyramid, contrast: Floats, luminance_cd_m2: Floats)
     Parameters
     ----------
     contrast
-        The largest contrast of what the next finer level adds to each page, 0 ... 1, shape (pages,).
+        Of what the next finer level adds to each page, where it adds most over an area that the eye sums (see
+        :mod:`limen.data.contrast`), 0 ... 1, shape (pages,).
     luminance_cd_m2
         Of the panels' white, any shape.
     """

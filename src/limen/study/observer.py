@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from limen.data.resample import LINEAR_OF_SRGB, srgb_of_linear
 from limen.errors import InputError
@@ -170,7 +171,7 @@ class Observer:
             )
 
     def judge(
-        self, test: Window, reference: Window, pixels_per_degree: float, eccentricity_deg: float = 0.0
+        self, test: Window, reference: Window, pixels_per_degree: float, eccentricity_deg: float | Floats = 0.0
     ) -> Verdict:
         """How visible the difference of two windows is.
 
@@ -181,7 +182,8 @@ class Observer:
         pixels_per_degree
             Of the windows, as the viewer sees them. Above `SAMPLES_PER_DEGREE` both are resampled to it.
         eccentricity_deg
-            Angle from the viewer's gaze.
+            Angle from the viewer's gaze: one for all of the window, or those of an even grid of points from corner to
+            corner, shape (n, m).
 
         Raises
         ------
@@ -194,10 +196,11 @@ class Observer:
         return self.judge_light(light_of(test), light_of(reference), pixels_per_degree, eccentricity_deg)
 
     def judge_light(
-        self, test: Floats, reference: Floats, samples_per_degree: float, eccentricity_deg: float = 0.0
+        self, test: Floats, reference: Floats, samples_per_degree: float, eccentricity_deg: float | Floats = 0.0
     ) -> Verdict:
         """`judge` of windows in linear light, 0 ... 1 of what the display emits beyond its black."""
-        _check(test, reference, samples_per_degree, eccentricity_deg)
+        away = np.asarray(eccentricity_deg, dtype=float)
+        _check(test, reference, samples_per_degree, away)
         (test, rate), (reference, _) = (sampled(light, samples_per_degree) for light in (test, reference))
         height, width = test.shape[:2]
         if min(height, width) < LEAST_WINDOW_PX or max(height, width) > WINDOW_PX:
@@ -207,31 +210,36 @@ class Observer:
             )
         ground = reference.mean(axis=(0, 1))
         # Clipped at the very end: what resampling overshoots is mostly lost on the periphery.
-        seen = [
-            np.clip(self._peripheral(_faded(light, ground), rate, eccentricity_deg), 0.0, 1.0)
-            for light in (test, reference)
-        ]
+        seen = [np.clip(self._peripheral(_faded(light, ground), rate, away), 0.0, 1.0) for light in (test, reference)]
         jod, drop = self._differences(seen[0], seen[1], rate)
-        flip = None if self._flip is None or eccentricity_deg else self._flip_p99(seen[0], seen[1], rate)
+        flip = None if self._flip is None or away.any() else self._flip_p99(seen[0], seen[1], rate)
         return Verdict(jod, float(np.percentile(drop, 99)), flip)
 
-    def _peripheral(self, light: Floats, samples_per_degree: float, eccentricity_deg: float) -> Floats:
-        """The window less what an eye loses of it that far from its gaze.
+    def _peripheral(self, light: Floats, samples_per_degree: float, eccentricity_deg: Floats) -> Floats:
+        """The window less what an eye loses of it that far from its gaze, place by place.
 
         Dividing every frequency's contrast by what sensitivity loses there is the same as dividing the sensitivity,
         and holds at every frequency. The observer itself knows sensitivity only at the middle of bands an octave and
         more wide, within which it falls up to tenfold off the gaze: gratings at their threshold then scored 9.50
         ... 9.98 at 10 degrees.
+
+        Where the angle differs from place to place, windows for angles two degrees apart are mixed, which leaves a
+        little more than the angle between would.
         """
-        if eccentricity_deg == 0:
+        if not eccentricity_deg.any():
             return light
         height, width = light.shape[:2]
+        steps = np.linspace(eccentricity_deg.min(), eccentricity_deg.max(), 1 + math.ceil(np.ptp(eccentricity_deg) / 2))
+        place = (_spread(eccentricity_deg, height, width) - steps[0]) / max(np.ptp(steps), 1e-9) * (len(steps) - 1)
         down, across = np.fft.fftfreq(height), np.fft.rfftfreq(width)
         frequency_cpd = np.hypot(down[:, None], across) * samples_per_degree
         opponent = light @ self._opponent_of_rgb.T
         for channel, falloff in enumerate(GAZE_FALLOFF):
-            spectrum = np.fft.rfft2(opponent[..., channel]) * 10.0 ** (-falloff * frequency_cpd * eccentricity_deg)
-            opponent[..., channel] = np.fft.irfft2(spectrum, s=(height, width))
+            spectrum = np.fft.rfft2(opponent[..., channel])
+            opponent[..., channel] = 0.0
+            for number, angle_deg in enumerate(steps):
+                seen = np.fft.irfft2(spectrum * 10.0 ** (-falloff * frequency_cpd * angle_deg), s=(height, width))
+                opponent[..., channel] += np.maximum(1 - np.abs(place - number), 0.0) * seen
         return np.asarray(opponent @ np.linalg.inv(self._opponent_of_rgb).T)
 
     def _differences(self, test: Floats, reference: Floats, samples_per_degree: float) -> tuple[float, Floats]:
@@ -266,7 +274,17 @@ def sampled(light: Floats, samples_per_degree: float) -> tuple[Floats, float]:
     return (light, samples_per_degree) if ratio <= 1 else (resampled(light, ratio, "kaiser-4"), SAMPLES_PER_DEGREE)
 
 
-def _check(test: Floats, reference: Floats, samples_per_degree: float, eccentricity_deg: float) -> None:
+def _spread(grid: Floats, height: int, width: int) -> Floats:
+    """Values at every sample of a window, from one for all or from an even grid of points from corner to corner."""
+    if grid.ndim == 0:
+        return np.full((height, width), float(grid))
+    down, across = (
+        (np.arange(side) + 0.5) / side * (count - 1) for side, count in zip((height, width), grid.shape, strict=True)
+    )
+    return np.asarray(ndimage.map_coordinates(grid, np.meshgrid(down, across, indexing="ij"), order=1))
+
+
+def _check(test: Floats, reference: Floats, samples_per_degree: float, eccentricity_deg: Floats) -> None:
     for name, window in (("test", test), ("reference", reference)):
         if window.ndim != 3 or window.shape[2] != 3:
             raise InputError(f"{name} must have shape (H, W, 3), got {window.shape}")
@@ -274,8 +292,8 @@ def _check(test: Floats, reference: Floats, samples_per_degree: float, eccentric
         raise InputError(f"test and reference must have one shape, got {test.shape} and {reference.shape}")
     if not (math.isfinite(samples_per_degree) and samples_per_degree > 0):
         raise InputError(f"pixels_per_degree must be above 0, got {samples_per_degree}")
-    if not 0 <= eccentricity_deg <= 180:
-        raise InputError(f"eccentricity_deg must lie between 0 and 180, got {eccentricity_deg}")
+    if eccentricity_deg.ndim not in (0, 2) or not ((eccentricity_deg >= 0) & (eccentricity_deg <= 180)).all():
+        raise InputError(f"eccentricity_deg must lie between 0 and 180, one or a grid of them, got {eccentricity_deg}")
 
 
 def _packages() -> tuple[Any, Any]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from limen.data.image import Image
 from limen.display.display import Display
+from limen.display.panel import Panel
 from limen.errors import PageError
 from limen.frame import Renderer
 from limen.geometry import Floats
@@ -126,29 +127,38 @@ def judge_windows(
     with Renderer(device, cut, image, placement, gpu_bytes=_POOL_BYTES) as renderer:
         for number, window in enumerate(windows):
             panel = cut.panels[number]
-            judge = _Judge(renderer, number, window, observers[panel.luminance_cd_m2])
+            observer = observers[panel.luminance_cd_m2]
+            judge = _Judge(renderer, number, window, display.panels[window.panel], observer)
             yield judge.all(trials)
 
 
 class _Judge:
     """One window; pictures that several trials share are drawn, and sampled as finely as eyes can, once."""
 
-    def __init__(self, renderer: Renderer, number: int, window: Window, observer: Observer) -> None:
+    def __init__(self, renderer: Renderer, number: int, window: Window, panel: Panel, observer: Observer) -> None:
         self._renderer, self._number, self._window, self._observer = renderer, number, window, observer
+        self._panel = panel
         self._drawn: dict[tuple[Policy, float], Floats] = {}
         self._samples_per_degree = 0.0
         self._reference = self._draw(window.viewers, _FULL)
         self._again = self._draw(window.viewers, _FULL)
 
     def all(self, trials: Sequence[Trial]) -> Judged:
-        verdicts = [self._verdict(self._picture(trial), trial.eccentricity_deg) for trial in trials]
-        catches = {angle: self._verdict(self._again, angle) for angle in {trial.eccentricity_deg for trial in trials}}
-        return Judged(tuple(verdicts), tuple(catches[trial.eccentricity_deg] for trial in trials))
+        verdicts = (self._verdict(self._picture(trial), trial) for trial in trials)
+        return Judged(tuple(verdicts), tuple(self._verdict(self._again, trial) for trial in trials))
 
-    def _verdict(self, light: Floats, eccentricity_deg: float) -> Verdict:
+    def _verdict(self, light: Floats, trial: Trial) -> Verdict:
         if np.array_equal(light, self._reference):
             return _ALIKE
-        return self._observer.judge_light(light, self._reference, self._samples_per_degree, eccentricity_deg)
+        return self._observer.judge_light(light, self._reference, self._samples_per_degree, self._away_deg(trial))
+
+    def _away_deg(self, trial: Trial) -> float | Floats:
+        """How far from the gaze the window lies; where no gaze is asked for, eyes may rest on any place of it."""
+        if trial.eccentricity_deg == 0 and not trial.policy.gaze:
+            return 0.0
+        looker = self._window.gazing(self._panel, trial.eccentricity_deg)[self._window.looker]
+        assert looker.gaze is not None
+        return self._window.eccentricities_deg(self._panel, looker.gaze)
 
     def _picture(self, trial: Trial) -> Floats:
         """Where the policy does not ask for the gaze, one picture serves all angles."""
@@ -156,7 +166,7 @@ class _Judge:
         if (trial.policy, angle) not in self._drawn:
             viewers = self._window.viewers
             if trial.policy.gaze:
-                viewers = self._window.gazing(self._renderer.view.display.panels[self._number], angle)
+                viewers = self._window.gazing(self._panel, angle)
             self._drawn[trial.policy, angle] = self._draw(viewers, trial.policy)
         return self._drawn[trial.policy, angle]
 

@@ -10,13 +10,16 @@ import numpy as np
 from limen.display.display import Display, Rect
 from limen.display.panel import Panel
 from limen.errors import InputError
-from limen.geometry import Floats, as_vec3
+from limen.geometry import Floats, Vec3, as_vec3
 from limen.select.image import View
 from limen.study.observer import LEAST_WINDOW_PX, SAMPLES_PER_DEGREE, WINDOW_PX
 from limen.track.session import Session
 from limen.viewer import Viewer
 
 __all__ = ["Window", "choose_windows", "cut_display"]
+
+_SIDE = 17
+"""Points along a window's side at which angles are asked for."""
 
 _TRIES = 400
 """Random places per window until one is shown to, and faced by, the viewer."""
@@ -50,12 +53,12 @@ class Window:
     def gazing(self, panel: Panel, eccentricity_deg: float) -> tuple[Viewer, ...]:
         """The viewers, of whom the looker looks past the window, at this angle from its nearest point.
 
-        At 0 the looker looks at the middle of the window; else beside it, along the panel's rows.
+        At 0 the looker looks at the middle of the window; else beside it, along the panel's rows. ``panel`` is the one
+        that the window is a part of.
         """
         looker = self.viewers[self.looker]
         points = panel.position_m(_grid(self.rect_px))
-        sight = (points[:, None] - looker.eyes_m).reshape(-1, 3)
-        sight /= np.linalg.norm(sight, axis=1, keepdims=True)
+        sight = self._sight(panel).reshape(-1, 3)
         ahead = points.mean(axis=0) - np.array(looker.position_m)
         ahead /= np.linalg.norm(ahead)
         beside = np.array(panel.right) - (np.array(panel.right) @ ahead) * ahead
@@ -68,6 +71,19 @@ class Window:
             low, high = (turn, high) if nearest_deg < eccentricity_deg else (low, turn)
         changed = replace(looker, gaze=as_vec3(gaze, "gaze"))
         return (*self.viewers[: self.looker], changed, *self.viewers[self.looker + 1 :])
+
+    def eccentricities_deg(self, panel: Panel, gaze: Vec3) -> Floats:
+        """Angles between the looker's gaze and points all over the window, corner to corner: shape (17, 17).
+
+        Of the eye for which a point is nearer to the gaze.
+        """
+        ahead = np.clip(self._sight(panel) @ np.array(gaze), -1.0, 1.0)
+        return np.asarray(np.degrees(np.arccos(ahead)).min(axis=1).reshape(_SIDE, _SIDE))
+
+    def _sight(self, panel: Panel) -> Floats:
+        """Unit vectors from the looker's eyes to points all over the window, (points, eyes, 3)."""
+        sight = panel.position_m(_grid(self.rect_px))[:, None] - self.viewers[self.looker].eyes_m
+        return np.asarray(sight / np.linalg.norm(sight, axis=-1, keepdims=True))
 
 
 def choose_windows(view: View, session: Session, count: int, seed: int = 0) -> list[Window]:
@@ -162,7 +178,7 @@ def _nearest_m(panel: Panel, rect: Rect, viewer: Viewer) -> float:
     return float(np.linalg.norm(panel.position_m(foot) - viewer.eyes_m, axis=1).min())
 
 
-def _grid(rect: Rect, side: int = 17) -> Floats:
-    """Places all over a rectangle, its rim included: (side^2, 2)."""
-    x, y = np.linspace(rect.left, rect.right, side), np.linspace(rect.top, rect.bottom, side)
+def _grid(rect: Rect) -> Floats:
+    """Places all over a rectangle, its rim included, row by row: (17 * 17, 2)."""
+    x, y = np.linspace(rect.left, rect.right, _SIDE), np.linspace(rect.top, rect.bottom, _SIDE)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
