@@ -75,9 +75,34 @@ def test_the_periphery_divides_every_frequency_by_its_own_loss(observer: Observe
     # A whole number of periods: no frequency but this one.
     opponent[..., channel] = np.cos(2 * np.pi * frequency_cpd * np.arange(256) / 96.0)
     into_rgb = np.linalg.inv(observer._opponent_of_rgb).T
-    seen = observer._peripheral(opponent @ into_rgb, 96.0, eccentricity_deg) @ observer._opponent_of_rgb.T
+    seen = observer._peripheral(opponent @ into_rgb, 96.0, np.array(eccentricity_deg)) @ observer._opponent_of_rgb.T
     expected = opponent * 10 ** (-GAZE_FALLOFF[channel] * frequency_cpd * eccentricity_deg)
     assert np.abs(seen - expected).max() < 1e-9
+
+
+def test_every_place_of_a_window_has_its_own_angle_from_the_gaze(observer: Observer) -> None:
+    page = chart("noise", (256, 256))
+    blurred = page.copy()
+    blurred[1:] = (page[1:].astype(int) + page[:-1]) // 2
+    one = observer.judge(blurred, page, 96.0, 8.0)
+    assert observer.judge(blurred, page, 96.0, np.full((5, 7), 8.0)).jod == pytest.approx(one.jod, abs=1e-4)
+    rising = np.linspace(4.0, 12.0, 9)[:, None] * np.ones(9)
+    jods = [observer.judge(blurred, page, 96.0, angle).jod for angle in (4.0, rising, rising.T, 12.0)]
+    assert jods[0] < jods[1] < jods[3]
+    assert jods[0] < jods[2] < jods[3]
+
+
+def test_between_two_angles_no_less_is_left_than_there_would_be(observer: Observer) -> None:
+    """A grating across a window whose rows lie 4 ... 12 degrees from the gaze: amplitudes row by row."""
+    frequency_cpd, away = 12.0, np.linspace(4.0, 12.0, 9)[:, None] * np.ones(9)
+    wave = np.cos(2 * np.pi * frequency_cpd * np.arange(256) / 96.0) * np.ones((256, 1))
+    seen = observer._peripheral(np.repeat(wave[..., None], 3, axis=2), 96.0, away)
+    luminance = (seen @ observer._opponent_of_rgb.T)[..., 0] / (np.ones(3) @ observer._opponent_of_rgb.T)[0]
+    amplitude = np.abs(luminance).max(axis=1)
+    row_deg = 4.0 + 8.0 * (np.arange(256) + 0.5) / 256
+    exact = 10 ** (-GAZE_FALLOFF[0] * frequency_cpd * row_deg)
+    assert (amplitude >= 0.999 * exact).all()
+    assert (amplitude <= 1.03 * exact).all()
 
 
 def test_every_control_holds(observer: Observer) -> None:
