@@ -275,7 +275,13 @@ def test_a_shim_that_does_not_answer_is_no_uv(checkout: Any, tmp_path: Path, mon
 
 @pytest.mark.parametrize(
     ("words", "needed"),
-    [(["verify", "a"], True), (["test"], True), (["verify", "--help"], False), (["show", "a"], False)],
+    [
+        (["verify", "a"], True),
+        (["test"], True),
+        (["verify", "--help"], False),
+        (["show", "a"], False),
+        (["bench", "kernels"], True),
+    ],
 )
 def test_only_what_judges_needs_the_observer(words: list[str], needed: bool) -> None:
     assert module("main").need_of(words).observer is needed

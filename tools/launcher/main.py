@@ -72,7 +72,7 @@ def need_of(arguments: Sequence[str]) -> Need:
     return Need(
         test=verb == "test",
         driver=(verb in _DRAWING_VERBS or goes_on) and not helps,
-        observer=verb in _OBSERVING_VERBS and not helps,
+        observer=(verb in _OBSERVING_VERBS or list(arguments[:2]) == ["bench", "kernels"]) and not helps,
         goes_on=goes_on,
     )
 

@@ -26,6 +26,9 @@ from limen.gpu.device import Device, open_device
 from limen.placement import OnSurface, one_to_one_size_px
 from limen.select.image import View, select, view_of
 from limen.stream import Stream
+from limen.study.charts import CHARTS, chart
+from limen.study.kernels import kernel_rows
+from limen.study.observer import Observer
 from limen.tolerance import Policy, tolerance_of
 from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
@@ -35,6 +38,18 @@ __all__ = ["BENCHES", "Measured", "Walk", "bench_image", "measure_walk", "one_to
 
 Say = Callable[[str], None]
 _KINDS: tuple[Sampling, ...] = ("sharp", "fast")
+_CHART_PX = 544  # a little more than the observer's 256 samples at 0.64 arcminutes for two pixels
+_FILTERS = (
+    ("box", "bilinear"),
+    ("box", "catmull-rom"),
+    ("mitchell", "catmull-rom"),
+    ("magic-sharp", "catmull-rom"),
+    ("lanczos-2", "bilinear"),
+    ("lanczos-3", "catmull-rom"),
+    ("lanczos-3", "lanczos-3"),
+    ("lanczos-2", "catmull-rom"),
+)
+"""Halving and drawing; limen's own are the last."""
 
 
 class Measured(msgspec.Struct, frozen=True):
@@ -80,7 +95,22 @@ def bench_image(quick: bool, say: Say) -> list[Measured]:
     return rows
 
 
-BENCHES: dict[str, Callable[[bool, Say], list[Measured]]] = {"image": bench_image}
+def bench_kernels(quick: bool, say: Say) -> list[Measured]:
+    """Rows of ``limen bench kernels``: what the independent observer says of filters for halving and drawing pages."""
+    observer = Observer()
+    texels_arcmin = (0.64,) if quick else (0.64, 1.0)
+    seeds, size_px = range(1 if quick else 3), (_CHART_PX, _CHART_PX)
+    contents = {name: [chart(name, size_px, seed) for seed in seeds] for name in CHARTS}
+    rows = []
+    for texel_arcmin in texels_arcmin:
+        say(f"level 1, a texel of which subtends {texel_arcmin:g} arcminutes")
+        for row in kernel_rows(observer, contents, _FILTERS[-1:] if quick else _FILTERS, 1, texel_arcmin):
+            what = f"{row.halving} + {row.drawing}, {row.texel_arcmin:g}', {row.content}"
+            rows += [Measured(what, row.jod, "JOD"), Measured(what, row.drop_p99, "JOD, largest drop")]
+    return rows
+
+
+BENCHES: dict[str, Callable[[bool, Say], list[Measured]]] = {"image": bench_image, "kernels": bench_kernels}
 
 
 def _frames(quick: bool) -> list[Measured]:
