@@ -15,6 +15,7 @@ from limen.draw import records
 from limen.draw.image import ImageLayer
 from limen.placement import OnShape, OnSurface
 from limen.select import image as selector
+from limen.select.detail import KEPT
 from limen.select.image import select, view_of
 from limen.stream import PageTable
 from limen.tolerance import Policy, tolerance_of
@@ -63,7 +64,7 @@ def test_walking_past_a_level_flickers_less_than_eyes_can_see(
     studio: Any, memory_image: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     noise = memory_image(np.random.default_rng(3).choice(np.array([0, 255], np.uint8), (600, 600, 1)).repeat(3, axis=2))
-    edge_m = 2 * optimal_distance_m(_PITCH_M, 0.64)
+    edge_m = 2 * optimal_distance_m(_PITCH_M, 0.64) / KEPT
     distances_m = edge_m - 0.45 + np.arange(48) / _RATE_HZ * _SPEED_M_S
     blended = _sequence(studio, noise, distances_m)
     for module in (records, selector):

@@ -13,7 +13,7 @@ from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.placement import OnShape, OnSurface
-from limen.select.detail import BLEND_LEVELS, reduced_detail
+from limen.select.detail import BLEND_LEVELS, KEPT, reduced_detail
 from limen.select.image import View, levels_at, shares_at, view_of
 from limen.tolerance import Policy, Tolerance, tolerance_of
 from limen.viewer import Viewer
@@ -185,7 +185,7 @@ def test_levels_follow_the_formula_on_shapes(shape: str, viewers: int, studio: A
         picture = drawn[panel.name]
         mip, inside, edge = _bent_mip(placement, noise.pyramid, eye_m, panel)
         allowed = np.maximum(tolerance.allowed_px(panel.position_m(_grid(panel)), panel.pitch_m[0]), 1e-9)
-        prevails = np.log2(allowed) + mip + BLEND_LEVELS / 2
+        prevails = np.log2(KEPT * allowed) + mip + BLEND_LEVELS / 2
         expected = np.clip(np.floor(np.maximum(mip, prevails)), 0, len(noise.pyramid.levels) - 1)
         sure = (~inside | (np.abs(mip - np.round(mip)) > 2e-3)) & ~edge
         sure &= np.abs(prevails - np.round(prevails)) > 2e-3

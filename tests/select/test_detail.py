@@ -10,6 +10,7 @@ import limen
 from limen.data.pages import Pyramid
 from limen.select.detail import (
     BLEND_LEVELS,
+    KEPT,
     contrast_detail,
     level_shares,
     needed_share,
@@ -46,7 +47,7 @@ def test_no_page_needs_less_than_its_finer_pages(seed):
             if x < finer.columns and y < finer.rows
         ]
         assert tau[page] >= max(below)
-        assert tau[page] <= 2.0**level
+        assert tau[page] <= 2.0**level / KEPT
 
 
 @given(seeds)
@@ -65,7 +66,7 @@ def test_more_tolerance_never_draws_finer_and_what_is_reached_is_allowed(seed, f
         assert (loose >= tight - 1e-9).all()
     # The level between two that are blended, as trilinear filtering counts it.
     reached = levels @ level_shares(PYRAMID, plain_detail(PYRAMID), texels, tolerance)
-    assert (reached <= np.maximum(np.log2(tolerance), 0) + 1e-9).all()
+    assert (reached <= np.maximum(np.log2(KEPT * tolerance), 0) + 1e-9).all()
     fainter = levels @ level_shares(PYRAMID, random_detail(seed), texels, tolerance)
     assert (fainter >= reached - 1e-9).all(), "faintness only ever saves"
 

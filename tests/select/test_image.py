@@ -13,7 +13,7 @@ import limen
 from limen.data.pages import Pyramid
 from limen.errors import InputError
 from limen.placement import OnShape, OnSurface
-from limen.select.detail import BLEND_LEVELS
+from limen.select.detail import BLEND_LEVELS, KEPT
 from limen.select.image import select, view_of
 from limen.tolerance import Policy, tolerance_of
 
@@ -58,7 +58,7 @@ def pages_drawn(pyramid, texels, footprint, allowed_px):
     """
     top = len(pyramid.levels) - 1
     finest = np.clip(np.floor(np.log2(footprint) + 1e-3), 0, top)
-    tolerance = np.log2(np.maximum(allowed_px * footprint, 1e-300)) + np.zeros(len(texels))
+    tolerance = np.log2(np.maximum(KEPT * allowed_px * footprint, 1e-300)) + np.zeros(len(texels))
 
     def given_over_to_finer(level):
         if level > top:

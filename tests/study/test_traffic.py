@@ -11,7 +11,7 @@ from limen.display.display import Display
 from limen.display.grid import Grid, panels_of_grid
 from limen.errors import InputError
 from limen.placement import OnShape, OnSurface
-from limen.select.detail import BLEND_LEVELS
+from limen.select.detail import BLEND_LEVELS, KEPT
 from limen.select.image import View, select, view_of
 from limen.study import traffic
 from limen.study.traffic import Report, count_traffic, one_to_one_view, policies_of
@@ -46,7 +46,7 @@ def pages_by_hand(view: View, viewers: tuple[Viewer, ...], policy: Policy) -> se
         pixel = np.stack(np.meshgrid(*(np.arange(side) + 0.5 for side in panel.size_px)), axis=-1).reshape(-1, 2)
         texel = pixel * view.maps.scale[number] + view.maps.offset[number]
         inside = ((texel >= 0) & (texel < view.pyramid.size_px)).all(axis=1)
-        allowed = tolerance.allowed_px(panel.position_m(pixel), panel.pitch_m[0]) * view.maps.footprint[number]
+        allowed = KEPT * tolerance.allowed_px(panel.position_m(pixel), panel.pitch_m[0]) * view.maps.footprint[number]
         top, finest = len(view.pyramid.levels) - 1, max(0, int(view.maps.mip_level[number]))
         # From here on a coarser level is drawn; just before, both are.
         coarsest = np.clip(np.floor(np.log2(np.maximum(allowed, 1e-9)) + BLEND_LEVELS), finest, top)

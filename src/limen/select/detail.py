@@ -1,9 +1,9 @@
 """When a page's finer detail is seen: the one number a page that every policy comes down to.
 
 A pixel's tolerance, counted in texels of full resolution, is ``T``. Page ``Q`` is replaced by the four finer pages
-below it where ``T`` is less than ``tau(Q)``. If all that counts is how small a texel is, ``tau = 2**level``; where what
-the next finer level adds is faint, ``tau`` is less. The coarser page does not take over at once but gradually, from
-``tau / 2**BLEND_LEVELS`` to ``tau``, so that no pixel's level changes from one frame to the next.
+below it where ``T`` is less than ``tau(Q)``. If all that counts is how small a texel is, ``tau`` is ``2**level`` over
+`KEPT`; where what the next finer level adds is faint, ``tau`` is less. The coarser page does not take over at once but
+gradually, from ``tau / 2**BLEND_LEVELS`` to ``tau``, so that no pixel's level changes from one frame to the next.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from limen.vision.visible import visible_cpd
 
 __all__ = [
     "BLEND_LEVELS",
+    "KEPT",
     "Detail",
     "contrast_detail",
     "level_shares",
@@ -27,6 +28,12 @@ __all__ = [
     "plain_detail",
     "reduced_detail",
 ]
+
+KEPT = 0.94
+"""What is left of a texel's fineness when a page was halved, rounded to 8 bits and drawn.
+
+Where texels subtend just the acuity, the independent observer passes text within twice the threshold, but below it only
+where they are 6 % smaller (docs/observer.md)."""
 
 BLEND_LEVELS = 0.125
 """Width of the blend between two levels, in octaves of tolerance.
@@ -55,7 +62,7 @@ class Detail(NamedTuple):
 def plain_detail(pyramid: Pyramid) -> Detail:
     """What is finer than the tolerance is not seen, whatever it shows; soft levels count as one level coarser."""
     soft = len(pyramid.levels) if pyramid.soft_from is None else pyramid.soft_from
-    sizes = [2.0 ** (number + (number >= soft)) for number in range(len(pyramid.levels))]
+    sizes = [2.0 ** (number + (number >= soft)) / KEPT for number in range(len(pyramid.levels))]
     tau = np.repeat(sizes, [level.page_count for level in pyramid.levels])
     return _nested(pyramid, tau)
 

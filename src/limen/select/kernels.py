@@ -181,8 +181,8 @@ def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_ou
         low, high = _rect_tolerance(0.5 * px, 0.5 * py, (width - 0.5) * px, (height - 0.5) * py, seen)
         low, high = low * texels, high * texels
         for level in range(finest, top + 1):
-            if level < top and low >= 2.0 ** (level + 2):
-                continue  # no page's tau exceeds twice 2 ** level
+            if level < top and low >= 2.0 ** (level + 3):
+                continue  # no page's tau exceeds 4 * 2 ** level
             if level > finest and pages.least[level] > 0.0 and high <= pages.least[level] * pages.begin:
                 continue
             span = 256.0 * 2.0**level
