@@ -71,7 +71,20 @@ def test_verdicts_as_a_table(
     out = capsys.readouterr().out
     assert "acuity+gaze 0.64'" in out
     assert "12°" in out
-    assert "Detected: JOD under 9.95" in out
+    assert "Detected: JOD under 9.80" in out
+
+
+@pytest.mark.gpu
+def test_strict_is_an_exit_code(
+    page: Path, device: Any, observer: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick_controls(monkeypatch)
+    words = ("verify", page, "--display", "desktop", "--policy", "acuity", "--views", 2, "--strict")
+    assert limen(*words, "--distance-factors", 1, 30) == 0
+    assert limen(*words, "--distance-factors", 1, "--acuity-arcmin", 12) == 1
+    assert "not imperceptible" in capsys.readouterr().err
+    assert limen(*words, "--distance-factors", 2) == 2
+    assert "--distance-factors" in capsys.readouterr().err
 
 
 def test_an_observer_that_fails_its_controls_reports_nothing_else(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from PIL import Image as Picture
 
 from limen.data.image import Image, open_image
@@ -19,7 +20,7 @@ from limen.select.image import view_of
 from limen.study.charts import chart
 from limen.study.observer import Observer, Verdict
 from limen.study.verdict_plot import verdict_picture
-from limen.study.verify import Judged, Trial, judge_windows, rows_of, trials_of
+from limen.study.verify import Judged, Trial, imperceptible, judge_windows, rows_of, trials_of
 from limen.study.windows import Window, choose_windows
 from limen.tolerance import Policy
 from limen.track.session import Session
@@ -113,7 +114,11 @@ def test_rows_count_what_the_observer_saw() -> None:
     assert (true.jod_mean, true.jod_min, true.drop_p99_max, true.flip_p99_max) == (pytest.approx(9.95), 9.9, 0.2, 0.001)
     assert (true.strict, true.practical, true.detected, true.false_alarms) == (0.5, 1.0, 0.0, 0.0)
     assert (wrong.practical, wrong.detected, wrong.false_alarms, wrong.worst_window) == (0.5, 0.5, 0.5, 0)
-    assert [row.detected for row in rows_of(trials, judged, strict=True)] == [0.5, 1.0]
+    assert not imperceptible([true, wrong]), "only half of the windows pass strictly"
+    best = replace(true, strict=0.95)
+    assert imperceptible([best, wrong]), "a wrong distance is no promise"
+    assert not imperceptible([best, replace(true, strict=1.0, practical=0.97)])
+    assert not imperceptible([replace(best, false_alarms=0.1)])
 
 
 def test_trials_are_every_policy_factor_and_angle() -> None:

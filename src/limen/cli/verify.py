@@ -13,6 +13,7 @@ from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOp
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.image import Image, open_image
 from limen.display.display import Display
+from limen.errors import InputError
 from limen.gpu.device import open_device
 from limen.placement import OnSurface
 from limen.select.image import view_of
@@ -21,7 +22,7 @@ from limen.study.observer import Observer
 from limen.study.plots import format_of
 from limen.study.traffic import detail_of
 from limen.study.verdict_plot import verdict_plot
-from limen.study.verify import FACTORS, Judged, Trial, VerifyRow, judge_windows, rows_of, trials_of
+from limen.study.verify import FACTORS, Judged, Trial, VerifyRow, imperceptible, judge_windows, rows_of, trials_of
 from limen.study.windows import Window, choose_windows
 from limen.tolerance import Policy
 from limen.track.walk import session_named
@@ -91,13 +92,15 @@ def verify(
     seed
         Other numbers choose other windows.
     strict
-        Count a difference as detected from the threshold of visibility on, not from twice the threshold.
+        Exit with code 1 unless, at the true distance, every window passes and 95 % of them strictly.
     plot
         Draw detection against the distance factor to this .png or .svg.
     """
     out = Output(common)
     if plot is not None:
         format_of(plot)  # a wrong ending should not cost minutes of judging
+    if strict and 1 not in (distance_factors or FACTORS):
+        raise InputError("--strict judges the true distance: --distance-factors must hold 1")
     chosen = [Policy.parse(name, acuity_arcmin) for name in policy or _POLICIES]
     trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)
     whole, part = Display.named(display), chosen_panels(display, panels)
@@ -112,12 +115,15 @@ def verify(
     with open_image(content) as image:
         windows = choose_windows(view_of(part, image.pyramid, OnSurface(fit)), walk, views, seed)
         judged = _judge(out, image, part, OnSurface(fit), windows, trials, observers)
-    report.rows = rows_of(trials, judged, strict)
+    report.rows = rows_of(trials, judged)
     report.windows = [_window_row(part, window) for window in windows]
     if plot is not None:
         verdict_plot(report.rows, f"{content.name} on {part.name}, session {walk.name}", plot)
     out.result(report)
-    _print(out, report, strict)
+    _print(out, report)
+    if strict and not imperceptible(report.rows):
+        out.say("limen: not imperceptible: some windows at the true distance do not pass (--strict)")
+        sys.exit(1)
 
 
 _POLICIES = ("acuity", "contrast", "contrast+gaze")
@@ -176,15 +182,17 @@ def _print_failed(out: Output, controls: list[Control]) -> None:
     out.say("limen: the observer's controls failed; its packages may have changed: `limen doctor`")
 
 
-def _print(out: Output, report: VerifyReport, strict: bool) -> None:
+def _print(out: Output, report: VerifyReport) -> None:
     columns = ["policy", "factor", "off gaze", "JOD mean", "least", "drop", "FLIP", "strict", "practical", "detected"]
     rows = [_line(row) for row in report.rows]
     out.table(f"{report.content} on {report.display}, {len(report.windows)} windows of session {report.session}",
               columns, rows)  # fmt: skip
     out.line()
     alarms = max(row.false_alarms for row in report.rows)
-    limits = "9.95, drop over 0.10" if strict else "9.80, drop over 0.35"
-    out.line(f"Detected: JOD under {limits}. Of the catch pairs, both with all detail: {alarms * 100:.0f} %.")
+    out.line(
+        "Detected: JOD under 9.80 or a drop over 0.35 (twice the threshold); strict: 9.95 and 0.10 (the threshold)."
+    )
+    out.line(f"Detected of the catch pairs, both with all detail: {alarms * 100:.0f} %.")
     out.line("Factor: how many times farther away than she is the policy was told that the viewer is.")
 
 

@@ -16,8 +16,6 @@ const PAGE: f32 = 256.0;
 const GUTTER: f32 = 4.0;
 const SIDE: f32 = 264.0;
 const PI: f32 = 3.14159265358979;
-// cR of Ashraf et al. 2025.
-const PER_DEG: f32 = 0.160080;
 const ALMOST_ONE = 0.99999994;
 const NO_PAGE: u32 = 0xffffffffu;
 
@@ -38,7 +36,8 @@ struct Frame {
     pool_rows: u32,
     // Octaves of tolerance over which one level gives way to the next.
     blend: f32,
-    padding: u32,
+    // Growth of the tolerance with each degree from the gaze.
+    per_deg: f32,
 }
 
 struct Panel {
@@ -117,7 +116,7 @@ fn tolerance_px(panel: u32, pixel: vec2<f32>) -> f32 {
         if any(gaze.xyz != vec3<f32>()) {
             // The angle by its tangent: near the gaze its cosine is flat.
             let aside = exact_atan2(length(cross(sight, gaze.xyz)), dot(sight, gaze.xyz));
-            allowed *= 1.0 + PER_DEG * max(degrees(aside) - gaze.w, 0.0);
+            allowed *= 1.0 + frame.per_deg * max(degrees(aside) - gaze.w, 0.0);
         }
         least = min(least, allowed);
     }

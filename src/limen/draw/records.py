@@ -23,6 +23,7 @@ from limen.select.detail import BLEND_LEVELS
 from limen.select.image import View, shape_kind
 from limen.stream import Drawable, PageTable
 from limen.tolerance import Tolerance
+from limen.vision.acuity import GAZE_PER_DEG
 
 __all__ = [
     "FRAME",
@@ -57,7 +58,7 @@ FRAME = np.dtype(
         ("pool_columns", "<u4"),
         ("pool_rows", "<u4"),
         ("blend", "<f4"),
-        ("padding", "<u4"),
+        ("per_deg", "<f4"),
     ]
 )
 PANEL = np.dtype(
@@ -114,7 +115,7 @@ def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m
     row = np.zeros(1, FRAME)
     row["quilt_px"], row["image_px"] = quilt_px, view.pyramid.size_px
     row["eyes"], row["top"] = len(tolerance.tan_angle), len(view.pyramid.levels) - 1
-    row["blend"] = BLEND_LEVELS
+    row["blend"], row["per_deg"] = BLEND_LEVELS, GAZE_PER_DEG
     placement = view.placement
     if isinstance(placement, OnShape):
         row["shape"], row["turn"] = 1 + shape_kind(placement), math.radians(placement.turn_deg)

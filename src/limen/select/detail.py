@@ -75,8 +75,8 @@ def reduced_detail(pyramid: Pyramid, share: Floats) -> Detail:
 def contrast_detail(pyramid: Pyramid, contrast: Floats, luminance_cd_m2: Floats) -> Detail:
     """What is too faint to be seen at any of some panels' luminances is not seen.
 
-    The eye's falloff with eccentricity is that of people's resolution for every contrast: castleCSF's is steeper, so
-    detail is not dropped too early anywhere (below 4.6 cd/m2 up to 3 % too early).
+    The falloff with eccentricity is the tolerance's, for every contrast: castleCSF's and that of people's resolution
+    are steeper, so faint detail is not dropped too early anywhere.
 
     Parameters
     ----------

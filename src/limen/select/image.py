@@ -26,7 +26,8 @@ from limen.select import kernels
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS, Detail, level_shares, plain_detail
 from limen.tolerance import Tolerance
-from limen.vision.resolution import ECCENTRICITY_PER_DEG, luminance_scale
+from limen.vision.acuity import GAZE_PER_DEG
+from limen.vision.resolution import luminance_scale
 
 __all__ = [
     "Pairs",
@@ -174,7 +175,7 @@ def _panels(origin_m: Floats, view: View) -> kernels.Panels:
 
 
 def _eyes(tolerance: Tolerance) -> kernels.Eyes:
-    per_deg = np.where(tolerance.gaze.any(axis=1), ECCENTRICITY_PER_DEG, 0.0)
+    per_deg = np.where(tolerance.gaze.any(axis=1), GAZE_PER_DEG, 0.0)
     return kernels.Eyes(tolerance.eyes_m, tolerance.tan_angle, tolerance.gaze, tolerance.slack_deg, per_deg)
 
 

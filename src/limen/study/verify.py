@@ -29,13 +29,26 @@ from limen.study.windows import Window, cut_display
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 
-__all__ = ["FACTORS", "GAZE_DEG", "Judged", "Trial", "VerifyRow", "judge_windows", "rows_of", "trials_of"]
+__all__ = [
+    "FACTORS",
+    "GAZE_DEG",
+    "Judged",
+    "Trial",
+    "VerifyRow",
+    "imperceptible",
+    "judge_windows",
+    "rows_of",
+    "trials_of",
+]
 
 FACTORS = (1.0, 2.0, 5.0, 10.0)
 """How many times farther away than they are the viewers are taken to be, unless told otherwise."""
 
 GAZE_DEG = (0.0, 10.0, 20.0)
 """Angles from the gaze at which policies with gaze are tried, unless told otherwise; the others are at 0."""
+
+STRICT_SHARE = 0.95
+"""Of the windows, for `imperceptible`: the threshold itself is where half of all people begin to guess right."""
 
 _FULL = Policy("full")
 _POOL_BYTES = 128 << 20
@@ -185,12 +198,22 @@ class _Judge:
         return light
 
 
-def rows_of(trials: Sequence[Trial], judged: Sequence[Judged], strict: bool = False) -> list[VerifyRow]:
-    """A row for each trial. ``strict``: a window counts as detected where it misses the strict limits."""
-    return [_row(trial, number, judged, strict) for number, trial in enumerate(trials)]
+def rows_of(trials: Sequence[Trial], judged: Sequence[Judged]) -> list[VerifyRow]:
+    """A row for each trial."""
+    return [_row(trial, number, judged) for number, trial in enumerate(trials)]
 
 
-def _row(trial: Trial, number: int, judged: Sequence[Judged], strict: bool) -> VerifyRow:
+def imperceptible(rows: Iterable[VerifyRow]) -> bool:
+    """Whether nothing that was left out is to be seen by viewers whose distance is known.
+
+    At the true distance every window must stay within twice the threshold, and `STRICT_SHARE` of them below it; and of
+    the catch pairs none may be taken for a difference.
+    """
+    true = [row for row in rows if row.distance_factor == 1]
+    return all(row.practical == 1 and row.strict >= STRICT_SHARE and row.false_alarms == 0 for row in true)
+
+
+def _row(trial: Trial, number: int, judged: Sequence[Judged]) -> VerifyRow:
     verdicts = [each.verdicts[number] for each in judged]
     jods = np.array([verdict.jod for verdict in verdicts])
     flips = [verdict.flip_p99 for verdict in verdicts if verdict.flip_p99 is not None]
@@ -206,12 +229,12 @@ def _row(trial: Trial, number: int, judged: Sequence[Judged], strict: bool) -> V
         flip_p99_max=max(flips) if flips else None,
         strict=float(np.mean([verdict.strict for verdict in verdicts])),
         practical=float(np.mean([verdict.practical for verdict in verdicts])),
-        detected=_detected(verdicts, strict),
-        false_alarms=_detected([each.catches[number] for each in judged], strict),
+        detected=_detected(verdicts),
+        false_alarms=_detected([each.catches[number] for each in judged]),
         worst_window=int(jods.argmin()),
     )
 
 
-def _detected(verdicts: Sequence[Verdict], strict: bool) -> float:
+def _detected(verdicts: Sequence[Verdict]) -> float:
     """Share of pairs in which the observer sees a difference."""
-    return float(np.mean([not (verdict.strict if strict else verdict.practical) for verdict in verdicts]))
+    return float(np.mean([not verdict.practical for verdict in verdicts]))
