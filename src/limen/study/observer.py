@@ -69,9 +69,6 @@ PRACTICAL_JOD, PRACTICAL_DROP = 9.80, 0.35
 FAILED_JOD = 9.5
 """Clearly visible: about four times the threshold."""
 
-FLIP_PASSES = 0.025
-"""FLIP's 99th percentile stays under this for levels that pass."""
-
 GAZE_FALLOFF = (0.00703, 0.01359, 0.02548)
 """``k`` of ``10^(-k rho e)``, rho in cycles a degree, e in degrees: achromatic, red-green, yellow-violet.
 
@@ -196,9 +193,18 @@ class Observer:
         return self.judge_light(light_of(test), light_of(reference), pixels_per_degree, eccentricity_deg)
 
     def judge_light(
-        self, test: Floats, reference: Floats, samples_per_degree: float, eccentricity_deg: float | Floats = 0.0
+        self,
+        test: Floats,
+        reference: Floats,
+        samples_per_degree: float,
+        eccentricity_deg: float | Floats = 0.0,
+        *,
+        second_opinion: bool = True,
     ) -> Verdict:
-        """`judge` of windows in linear light, 0 ... 1 of what the display emits beyond its black."""
+        """`judge` of windows in linear light, 0 ... 1 of what the display emits beyond its black.
+
+        The second observer takes three times as long as the first; without ``second_opinion`` it is not asked.
+        """
         away = np.asarray(eccentricity_deg, dtype=float)
         _check(test, reference, samples_per_degree, away)
         (test, rate), (reference, _) = (sampled(light, samples_per_degree) for light in (test, reference))
@@ -212,7 +218,8 @@ class Observer:
         # Clipped at the very end: what resampling overshoots is mostly lost on the periphery.
         seen = [np.clip(self._peripheral(_faded(light, ground), rate, away), 0.0, 1.0) for light in (test, reference)]
         jod, drop = self._differences(seen[0], seen[1], rate)
-        flip = None if self._flip is None or away.any() else self._flip_p99(seen[0], seen[1], rate)
+        asked = second_opinion and self._flip is not None and not away.any()
+        flip = self._flip_p99(seen[0], seen[1], rate) if asked else None
         return Verdict(jod, float(np.percentile(drop, 99)), flip)
 
     def _peripheral(self, light: Floats, samples_per_degree: float, eccentricity_deg: Floats) -> Floats:

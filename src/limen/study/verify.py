@@ -86,6 +86,7 @@ class VerifyRow(msgspec.Struct, frozen=True):
     jod_min: float
     drop_p99_max: float
     flip_p99_max: float | None
+    """For the true distance in the fovea, where the second observer is installed."""
     strict: float
     """Share of the windows in which nobody should see a difference."""
     practical: float
@@ -163,7 +164,13 @@ class _Judge:
     def _verdict(self, light: Floats, trial: Trial) -> Verdict:
         if np.array_equal(light, self._reference):
             return _ALIKE
-        return self._observer.judge_light(light, self._reference, self._samples_per_degree, self._away_deg(trial))
+        return self._observer.judge_light(
+            light,
+            self._reference,
+            self._samples_per_degree,
+            self._away_deg(trial),
+            second_opinion=trial.policy.distance_factor == 1,
+        )
 
     def _away_deg(self, trial: Trial) -> float | Floats:
         """How far from the gaze the window lies; where no gaze is asked for, eyes may rest on any place of it."""
