@@ -98,7 +98,7 @@ def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys):
         if path.suffix == ".jpg":
             assert np.asarray(Picture.open(path)).std() > 5, f"{path.name} is blank"
     rows = result["traffic"]["sessions"][0]["rows"]
-    assert [row["policy"] for row in rows] == ["full", "acuity", "acuity", "acuity"]
+    assert [row["policy"] for row in rows] == ["full", "acuity", "acuity", "acuity", "acuity+gaze", "contrast+gaze"]
     paper = result["traffic_one_to_one"]["sessions"]
     assert [session["name"] for session in paper] == ["A", "B", "C"]
     assert 0.87 < paper[0]["rows"][1]["saving"] < 0.92

@@ -33,6 +33,7 @@ def places(seed, count=400):
     return rng.uniform(0, PYRAMID.size_px, (count, 2)), np.exp2(rng.uniform(-2, 7, count))
 
 
+@settings(deadline=None)
 @given(seeds)
 def test_no_page_needs_less_than_its_finer_pages(seed):
     tau = random_detail(seed).tau
@@ -50,6 +51,7 @@ def test_no_page_needs_less_than_its_finer_pages(seed):
         assert tau[page] <= 2.0**level / KEPT
 
 
+@settings(deadline=None)
 @given(seeds)
 def test_the_shares_of_all_levels_fill_every_place_once(seed):
     shares = level_shares(PYRAMID, random_detail(seed), *places(seed))
@@ -57,6 +59,7 @@ def test_the_shares_of_all_levels_fill_every_place_once(seed):
     assert (shares >= 0).all()
 
 
+@settings(deadline=None)
 @given(seeds, st.floats(1.0, 8.0))
 def test_more_tolerance_never_draws_finer_and_what_is_reached_is_allowed(seed, factor):
     texels, tolerance = places(seed)
