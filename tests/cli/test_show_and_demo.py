@@ -101,7 +101,7 @@ def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys):
     assert [row["policy"] for row in rows] == ["full", "acuity", "acuity", "acuity", "acuity+gaze", "contrast+gaze"]
     paper = result["traffic_one_to_one"]["sessions"]
     assert [session["name"] for session in paper] == ["A", "B", "C"]
-    assert 0.87 < paper[0]["rows"][1]["saving"] < 0.92
+    assert 0.86 < paper[0]["rows"][1]["saving"] < 0.90
 
 
 def test_display_lists_draws_and_converts(tmp_path, capsys):

@@ -116,7 +116,10 @@ def test_who_sees_more_never_needs_fewer_pages(eyes: list[tuple[float, float, fl
 
 
 def test_the_papers_walls_save_what_was_measured_before():
-    """About 89.5 % for the formula as printed, 62-68 % at half an arcminute; the paper itself says 70 %."""
+    """89.5 % for the formula as printed, 62-68 % at half an arcminute, less what blending and finer texels cost.
+
+    The paper itself says 70 %.
+    """
     counts = count_traffic(
         WHOLE, session_named("A", Display.preset("reality-deck")), policies_of(["full", "acuity"], [1, 0.5]), rate_hz=2
     )
@@ -124,9 +127,9 @@ def test_the_papers_walls_save_what_was_measured_before():
     assert (full.pages_mean, full.saving, full.acuity_arcmin) == (16_200, 0, None)
     assert full.bytes_mean == pytest.approx(145.8e6)
     assert full.bytes_per_s == pytest.approx(4.374e9)
-    assert 0.87 < printed.saving < 0.92
-    assert 0.60 < half.saving < 0.70
-    assert 2 < printed.texels_over_floor < 3.2  # levels are powers of two
+    assert 0.86 < printed.saving < 0.90
+    assert 0.57 < half.saving < 0.66
+    assert 2 < printed.texels_over_floor < 3.7  # levels are powers of two
     assert printed.pages_mean < printed.pages_p99 <= printed.pages_max
 
 

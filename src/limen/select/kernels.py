@@ -1,8 +1,7 @@
 """The selectors' hot loops. Each is tested against dense sampling in plain NumPy.
 
-Arrays come panel by panel as in `limen.display.PanelArrays` and `limen.placement.PanelMaps`; a level's
-pages are numbered row by row from ``first[level]``. Tolerances are compared with a relative slack, so that
-single-precision arithmetic on a GPU never asks for a page that was left out here.
+Arrays come panel by panel as in `limen.display.PanelArrays` and `limen.placement.PanelMaps`. Tolerances are compared
+with a relative slack, so that single-precision arithmetic on a GPU never asks for a page that was left out here.
 """
 
 from __future__ import annotations
