@@ -30,16 +30,24 @@ class GrowingBuffer:
 
     def write(self, rows: NDArray[Any]) -> None:
         data = np.ascontiguousarray(rows) if rows.size else np.zeros(1, rows.dtype)  # WebGPU binds no empty buffer
-        if data.nbytes > self._device.max_binding_bytes:
-            raise DeviceLimitError(
-                f"{self._label}: {data.nbytes} bytes exceed the adapter's {self._device.max_binding_bytes}"
-            )
-        if self.buffer is None or self.buffer.size < data.nbytes:
-            self.destroy()
-            size = min(1 << (max(data.nbytes, 256) - 1).bit_length(), self._device.max_binding_bytes)
-            self.buffer = self._device.wgpu.create_buffer(label=self._label, size=size, usage=self._usage)
-            self.generation += 1
+        self.reserve(data.nbytes)
         self._device.wgpu.queue.write_buffer(self.buffer, 0, data)
+
+    def reserve(self, size: int) -> None:
+        """Make it at least ``size`` bytes large; what it held is lost where it has to grow.
+
+        Raises
+        ------
+        DeviceLimitError
+            If that is more than a shader can see at once.
+        """
+        if size > self._device.max_binding_bytes:
+            raise DeviceLimitError(f"{self._label}: {size} bytes exceed the adapter's {self._device.max_binding_bytes}")
+        if self.buffer is None or self.buffer.size < size:
+            self.destroy()
+            grown = min(1 << (max(size, 256) - 1).bit_length(), self._device.max_binding_bytes)
+            self.buffer = self._device.wgpu.create_buffer(label=self._label, size=grown, usage=self._usage)
+            self.generation += 1
 
     def destroy(self) -> None:
         if self.buffer is not None:

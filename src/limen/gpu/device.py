@@ -15,6 +15,8 @@ from limen.gpu.adapters import driver_advice
 
 __all__ = ["Device", "open_device"]
 
+_CLIP = "clip-distances"
+
 _WANTED_LIMITS = (
     "max-texture-dimension-2d",
     "max-texture-array-layers",
@@ -43,6 +45,8 @@ class Device:
         Largest storage buffer that a shader sees.
     is_software
         The 'GPU' is the CPU.
+    can_clip
+        Vertex stages may clip by distances.
     """
 
     wgpu: Any
@@ -51,6 +55,7 @@ class Device:
     max_layers: int
     max_binding_bytes: int
     is_software: bool
+    can_clip: bool = False
 
     def destroy(self) -> None:
         self.wgpu.destroy()
@@ -81,7 +86,8 @@ def open_device(*, prefer: str | None = None) -> Device:
     offered = adapter.limits
     wanted = {name: offered[name] for name in _WANTED_LIMITS if name in offered}
     try:
-        device = adapter.request_device_sync(label="limen", required_limits=wanted)
+        features = [_CLIP] if _CLIP in adapter.features else []
+        device = adapter.request_device_sync(label="limen", required_limits=wanted, required_features=features)
     except RuntimeError as error:
         raise NoAdapterError(f"{adapter.summary} could not be opened: {_one_line(error)}") from None
     limits = device.limits
@@ -92,6 +98,7 @@ def open_device(*, prefer: str | None = None) -> Device:
         max_layers=limits["max-texture-array-layers"],
         max_binding_bytes=limits["max-storage-buffer-binding-size"],
         is_software=adapter.info["adapter_type"] == "CPU",
+        can_clip=bool(features),
     )
 
 

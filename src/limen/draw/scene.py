@@ -1,0 +1,246 @@
+"""Draws a mesh into a quilt: every panel a window onto the same scene, all of them in one indirect draw.
+
+References
+----------
+Harish, Narayanan 2013, *Designing Perspectively Correct Multiplanar Displays*, section 3.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import wgpu
+from numpy.typing import NDArray
+
+from limen.data.mesh import Mesh
+from limen.draw.sort import DRAW_OFFSET, TriangleSorter
+from limen.draw.texels import upload_textures
+from limen.draw.views import corner_rows, scene_row
+from limen.geometry import Floats
+from limen.gpu.buffers import GrowingBuffer, TextureReader
+from limen.gpu.device import Device
+from limen.gpu.shader import load_shader
+from limen.view import NEAR_M, Windows
+
+__all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "Depth", "SceneLayer", "SceneOverlay"]
+
+Depth: TypeAlias = Literal["panel", "shared"]
+SceneOverlay: TypeAlias = Literal["panels"]
+
+QUILT_FORMAT = "rgba8unorm-srgb"
+DEPTH_FORMAT = "depth32float"
+
+_OVERLAYS: dict[SceneOverlay | None, int] = {None: 0, "panels": 1}
+_LIGHT = np.array([0.35, 0.8, 0.5]) / np.linalg.norm([0.35, 0.8, 0.5])
+_AMBIENT = 0.25
+_NUMBERS = {
+    "scene": 0, "views": 1, "triangles": 2, "ways": 3, "pairs": 4, "corners": 5, "pictures": 6, "smoothly": 7,
+}  # fmt: skip
+_SORTED = ("views", "triangles", "ways", "pairs")
+
+
+class SceneLayer:
+    """One mesh on one display.
+
+    Parameters
+    ----------
+    mesh
+        What is shown; `move` gives it other places every frame.
+    clip
+        Clip by distances where the adapter can; False cuts in the fragment stage, with the same picture.
+    first_pairs
+        See `limen.draw.sort.TriangleSorter`.
+
+    Raises
+    ------
+    DeviceLimitError
+        If the mesh is larger than a shader of this adapter can see.
+    """
+
+    def __init__(self, device: Device, mesh: Mesh, *, clip: bool = True, first_pairs: int | None = None) -> None:
+        self._device = device
+        self.sorter = TriangleSorter(device, mesh.positions, mesh.triangles, first_pairs=first_pairs)
+        self._has_holes = bool((mesh.colours[:, 3] < 128).any() or (mesh.textures[..., 3] < 128).any())
+        self._clips = clip and device.can_clip and not self._has_holes
+        self._fragments = load_shader(device, "limen.draw", "scene.wgsl")
+        self._vertices = load_shader(device, "limen.draw", "scene_clip.wgsl") if self._clips else self._fragments
+        self._corners = GrowingBuffer(device, "corners", wgpu.BufferUsage.STORAGE)
+        self._corners.write(corner_rows(mesh))
+        self._scene = GrowingBuffer(device, "scene", wgpu.BufferUsage.UNIFORM)
+        self._pictures = upload_textures(device, mesh.textures)
+        self._sampler = device.wgpu.create_sampler(
+            mag_filter="linear", min_filter="linear", mipmap_filter="linear",
+            address_mode_u="repeat", address_mode_v="repeat",
+        )  # fmt: skip
+        self._layout = self._bind_group_layout()
+        self._pipelines: dict[tuple[str, Depth, SceneOverlay | None], Any] = {}
+        self._targets: dict[tuple[tuple[int, int], str], Any] = {}
+        self._reader = TextureReader(device)
+
+    def move(self, mesh: Mesh) -> None:
+        """The same triangles with other places and normals: what the next frames show."""
+        if len(mesh.positions) != self.sorter.vertex_count or len(mesh.triangles) != self.sorter.triangle_count:
+            raise ValueError("a mesh with other triangles needs another layer")
+        self.sorter.move(mesh.positions)
+        self._corners.write(corner_rows(mesh))
+
+    def sort(self, windows: Windows, eyes_m: Floats, room_from_mesh: Floats, *, forward: Floats | None = None) -> None:
+        """Submit the first half of a frame: which triangles touch which panels.
+
+        Parameters
+        ----------
+        windows
+            The panels of one quilt, with as many copies as there are eyes.
+        eyes_m
+            Shape (E, 3), one eye or two; the second is drawn to the right of the first.
+        room_from_mesh
+            Affine map from the mesh's coordinates to the room, metres: shape (4, 4).
+        forward
+            Where each eye's camera looks, shape (E, 3), for the depth that all panels share; by default toward
+            the middle of the panels.
+        """
+        eyes_m = np.asarray(eyes_m, dtype=float).reshape(-1, 3)
+        if windows.copies != len(eyes_m):
+            raise ValueError(f"windows for {windows.copies} eyes were given {len(eyes_m)}")
+        views = [windows.seen_from(eye, copy) for copy, eye in enumerate(eyes_m)]
+        eye_from_mesh = np.repeat(np.asarray(room_from_mesh, dtype=float)[None, :3], len(eyes_m), axis=0)
+        eye_from_mesh[:, :, 3] -= eyes_m
+        gain, falloff = windows.light
+        if forward is None:
+            forward = windows.middle_m - eyes_m
+        forward = forward / np.maximum(np.linalg.norm(forward, axis=1, keepdims=True), 1e-12)
+        self._scene.write(
+            scene_row(
+                views, room_from_mesh, vertices=self.sorter.vertex_count, forward=forward, near_m=NEAR_M,
+                light=np.array([*_LIGHT, _AMBIENT]), falloff=falloff,
+            )
+        )  # fmt: skip
+        self.sorter.sort(views, eye_from_mesh, (gain, falloff))
+
+    def draw(
+        self,
+        windows: Windows,
+        *,
+        depth: Depth = "panel",
+        overlay: SceneOverlay | None = None,
+        target: Any = None,
+        target_format: str = QUILT_FORMAT,
+    ) -> Any:
+        """Submit the second half of a frame: everything that `sort` found, in one draw.
+
+        Where there was no room for all pairs, the frame is sorted and drawn once more, so that no triangle is lost.
+
+        Parameters
+        ----------
+        depth
+            ``panel``: along each panel's normal, made by the rasteriser. ``shared``: that of the viewer's camera,
+            continuous over all panels, written for every fragment.
+        overlay
+            ``panels`` tints every panel in a colour of its own.
+        target
+            A texture view to draw into (a window's), of ``target_format`` and the quilt's size for all eyes.
+
+        Returns
+        -------
+        texture
+            Valid until the next draw of a quilt of the same size; ``None`` with a ``target``.
+        """
+        size = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
+        texture = None if target is not None else self._target(size, target_format)
+        view = texture.create_view() if texture is not None else target
+        capacity = self.sorter.pair_capacity
+        self._submit(view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
+        self.sorter.settle()
+        if self.sorter.pair_capacity != capacity:
+            self._submit(view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
+        return texture
+
+    def read(self, texture: Any) -> NDArray[np.uint8]:
+        """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
+        return self._reader.read(texture)
+
+    def read_depth(self, windows: Windows) -> NDArray[np.float32]:
+        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits."""
+        texture = self._target((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]), DEPTH_FORMAT)
+        return self._reader.read(texture).view(np.float32)[..., 0]
+
+    def destroy(self) -> None:
+        for texture in [*self._targets.values(), self._pictures]:
+            texture.destroy()
+        self._targets.clear()
+        for buffer in (self._corners, self._scene):
+            buffer.destroy()
+        self._reader.destroy()
+        self.sorter.destroy()
+        self._pipelines.clear()
+
+    # ------------------------------------------------------------------ steps of a draw
+
+    def _submit(
+        self, view: Any, depth_view: Any, target_format: str, depth: Depth, overlay: SceneOverlay | None
+    ) -> None:
+        encoder = self._device.wgpu.create_command_encoder(label="scene")
+        render_pass = encoder.begin_render_pass(
+            color_attachments=[
+                {"view": view, "clear_value": (0.0, 0.0, 0.0, 1.0), "load_op": "clear", "store_op": "store"}
+            ],
+            depth_stencil_attachment={
+                "view": depth_view, "depth_clear_value": 0.0, "depth_load_op": "clear", "depth_store_op": "store",
+            },
+        )  # fmt: skip
+        render_pass.set_pipeline(self._pipeline(target_format, depth, overlay))
+        render_pass.set_bind_group(0, self._group())
+        render_pass.draw_indirect(self.sorter.arguments, DRAW_OFFSET)
+        render_pass.end()
+        self._device.wgpu.queue.submit([encoder.finish()])
+
+    def _target(self, size_px: tuple[int, int], target_format: str) -> Any:
+        key = (size_px, target_format)
+        if key not in self._targets:
+            usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
+            self._targets[key] = self._device.wgpu.create_texture(
+                label="quilt", size=(*size_px, 1), format=target_format, usage=usage
+            )
+        return self._targets[key]
+
+    def _group(self) -> Any:
+        buffers = {name: self.sorter.buffers[name] for name in _SORTED}
+        buffers |= {"scene": self._scene, "corners": self._corners}
+        resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in buffers.items()}
+        resources |= {"pictures": self._pictures.create_view(dimension="2d-array"), "smoothly": self._sampler}
+        entries = [{"binding": number, "resource": resources[name]} for name, number in _NUMBERS.items()]
+        return self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
+
+    def _bind_group_layout(self) -> Any:
+        kinds: dict[str, dict[str, Any]] = {
+            "scene": {"buffer": {"type": "uniform"}},
+            "pictures": {"texture": {"sample_type": "float", "view_dimension": "2d-array"}},
+            "smoothly": {"sampler": {"type": "filtering"}},
+        }
+        storage = {"buffer": {"type": "read-only-storage"}}
+        both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
+        return self._device.wgpu.create_bind_group_layout(
+            entries=[
+                {"binding": number, "visibility": both, **kinds.get(name, storage)} for name, number in _NUMBERS.items()
+            ]
+        )
+
+    def _pipeline(self, target_format: str, depth: Depth, overlay: SceneOverlay | None) -> Any:
+        key = (target_format, depth, overlay)
+        if key not in self._pipelines:
+            entry = ("" if self._clips else "cut_") + "picture" + ("_deep" if depth == "shared" else "")
+            self._pipelines[key] = self._device.wgpu.create_render_pipeline(
+                label=entry,
+                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+                vertex={"module": self._vertices, "entry_point": "vertex"},
+                primitive={"topology": "triangle-list"},
+                depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"},
+                fragment={
+                    "module": self._fragments,
+                    "entry_point": entry,
+                    "constants": {"OVERLAY": _OVERLAYS[overlay]},
+                    "targets": [{"format": target_format}],
+                },
+            )
+        return self._pipelines[key]

@@ -1,0 +1,180 @@
+"""Compiled parts of `limen.select.directions`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = ["cell_entries", "core_erosion", "cores_first", "panel_extents"]
+
+_SLACK_CELLS = 1e-3  # the shader finds cells in single precision
+_NO_CORE = 1e30
+_HORIZON = 1e-6
+
+
+@njit(cache=True, inline="always")
+def _dot(a, b):
+    """Of three numbers each; ``@`` calls a library for that."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def panel_extents(planes, cells, corners, corner_count, facing):
+    """Extent of every panel on every plane in cells, cut off at the plane's rim, (F, N, 4): x0 y0 x1 y1.
+
+    x0 > x1 where a panel is not on a plane.
+    """
+    extents = np.empty((planes.shape[0], corners.shape[0], 4), np.float32)
+    extents[..., :2], extents[..., 2:] = 1.0, -1.0
+    clipped, here, there = np.empty((16, 3)), np.empty(3), np.empty(3)
+    for f in range(planes.shape[0]):
+        for n in range(corners.shape[0]):
+            if not facing[n]:
+                continue
+            count = 0
+            used = corner_count[n]
+            for k in range(used):
+                _place(here, planes[f], corners[n, k])
+                _place(there, planes[f], corners[n, (k + 1) % used])
+                if here[2] > _HORIZON:
+                    clipped[count] = here
+                    count += 1
+                if (here[2] > _HORIZON) != (there[2] > _HORIZON):
+                    share = (_HORIZON - here[2]) / (there[2] - here[2])
+                    for axis in range(3):
+                        clipped[count, axis] = here[axis] + (there[axis] - here[axis]) * share
+                    count += 1
+            if count == 0:
+                continue
+            x = clipped[:count, 0] / clipped[:count, 2]
+            y = clipped[:count, 1] / clipped[:count, 2]
+            x0, x1 = max(x.min() - _SLACK_CELLS, 0.0), min(x.max() + _SLACK_CELLS, cells - 1e-3)
+            y0, y1 = max(y.min() - _SLACK_CELLS, 0.0), min(y.max() + _SLACK_CELLS, cells - 1e-3)
+            if x0 < x1 and y0 < y1:
+                extents[f, n] = (x0, y0, x1, y1)
+    return extents
+
+
+@njit(cache=True, inline="always")
+def _place(out, plane, direction):
+    for axis in range(3):
+        out[axis] = _dot(plane[axis], direction)
+
+
+@njit(cache=True)
+def cell_entries(extents, cells):
+    """Panels by cell: where each cell's entries end, and the entries."""
+    ends = np.zeros(extents.shape[0] * cells * cells + 1, np.int64)
+    for f in range(extents.shape[0]):
+        for n in range(extents.shape[1]):
+            x0, y0, x1, y1 = extents[f, n]
+            if x0 > x1:
+                continue
+            for y in range(int(y0), int(y1) + 1):
+                for x in range(int(x0), int(x1) + 1):
+                    ends[(f * cells + y) * cells + x + 1] += 1
+    ends = np.cumsum(ends)
+    entries = np.zeros(ends[-1], np.int64)
+    begin = ends[:-1].copy()
+    for f in range(extents.shape[0]):
+        for n in range(extents.shape[1]):
+            x0, y0, x1, y1 = extents[f, n]
+            if x0 > x1:
+                continue
+            for y in range(int(y0), int(y1) + 1):
+                for x in range(int(x0), int(x1) + 1):
+                    cell = (f * cells + y) * cells + x
+                    entries[begin[cell]] = n
+                    begin[cell] += 1
+    return ends, entries
+
+
+@njit(cache=True)
+def core_erosion(ends, entries, extents, cells, edges, corners, depth, corner_count):
+    """How far inside each of its edges a panel has to begin so that no other panel reaches into it, pixels: (N, 8).
+
+    Of the edges of a panel, the one beyond which most of a neighbour lies gives way to that neighbour.
+    """
+    erosion = np.zeros(edges.shape[:2])
+    for f in range(extents.shape[0]):
+        for y in range(cells):
+            for x in range(cells):
+                cell = (f * cells + y) * cells + x
+                for i in range(ends[cell], ends[cell + 1]):
+                    a = entries[i]
+                    for j in range(i + 1, ends[cell + 1]):
+                        b = entries[j]
+                        # A pair meets in several cells; the first that both can share speaks for all.
+                        if x == int(max(extents[f, a, 0], extents[f, b, 0])) and y == int(
+                            max(extents[f, a, 1], extents[f, b, 1])
+                        ):
+                            _give_way(erosion, a, b, edges, corners, depth, corner_count)
+                            _give_way(erosion, b, a, edges, corners, depth, corner_count)
+    return erosion
+
+
+@njit(cache=True)
+def _give_way(erosion, a, b, edges, corners, depth, corner_count):
+    best, best_edge = _NO_CORE, 0
+    for k in range(corner_count[a]):
+        reach = _intrusion(edges[a, k], depth[a], corners[b], corner_count[b])
+        # An edge that has already given way further costs nothing more.
+        if max(reach - erosion[a, k], 0.0) < best:
+            best, best_edge = max(reach - erosion[a, k], 0.0), k
+    erosion[a, best_edge] += best
+
+
+@njit(cache=True)
+def _intrusion(edge, depth, corners, count):
+    """How many pixels inside an edge the polygon of ``corners`` reaches; `_NO_CORE` if no number says it."""
+    reach = 0.0
+    for k in range(count):
+        w = _dot(depth, corners[k])
+        if w > 0:
+            reach = max(reach, _dot(edge, corners[k]) / w)
+    for k in range(count):
+        w = _dot(depth, corners[k])
+        if w <= 0 and _dot(edge, corners[k]) - reach * w >= 0:
+            return _NO_CORE
+    return reach * (1 + 1e-5) + 0.01
+
+
+@njit(cache=True)
+def cores_first(ends, entries, cells, planes, edges, depth, corner_count, erosion):
+    """The entries of every cell with those panels first whose core touches it."""
+    starts = np.zeros((len(ends) - 1, 2), np.uint32)
+    ordered = np.zeros(max(len(entries), 1), np.uint32)
+    around, place = np.empty((4, 3)), np.ones(3)
+    for f in range(planes.shape[0]):
+        outward = np.linalg.inv(planes[f])
+        for y in range(cells):
+            for x in range(cells):
+                for k in range(4):
+                    place[0], place[1] = x + (k & 1), y + (k >> 1)
+                    _place(around[k], outward, place)
+                cell = (f * cells + y) * cells + x
+                front, back = ends[cell], ends[cell + 1]
+                starts[cell, 0] = front
+                for i in range(ends[cell], ends[cell + 1]):
+                    n = entries[i]
+                    if _core_touches(around, edges[n], depth[n], erosion[n], corner_count[n]):
+                        ordered[front] = n
+                        front += 1
+                    else:
+                        back -= 1
+                        ordered[back] = n
+                starts[cell, 1] = front
+    return starts, ends[1:].astype(np.uint32), ordered
+
+
+@njit(cache=True)
+def _core_touches(around, edges, depth, erosion, count):
+    for k in range(count):
+        touches = False
+        for corner in range(4):
+            if _dot(edges[k], around[corner]) >= erosion[k] * _dot(depth, around[corner]):
+                touches = True
+                break
+        if not touches:
+            return False
+    return True

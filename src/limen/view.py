@@ -1,0 +1,193 @@
+"""Where every panel stands for one eye: one matrix a panel, from the room to its place in the quilt.
+
+A panel is a window. What an eye at ``E`` sees through pixel ``p`` lies on the ray from ``E`` through it, so a place
+``X = E + d`` belongs to the pixel where the ray along ``d`` meets the panel's plane. That is a projective map with
+one matrix, which takes places straight to the clip space of the quilt, the panel's own place and turn included: all
+panels of a quilt are drawn by one rasterisation.
+
+With ``n`` the panel's normal toward the viewers, ``o`` its origin and ``h = n . (E - o)`` the eye's height above it,
+``w = -n . d`` is ``h`` on the panel and grows along every ray. Depth is ``near / w`` (reversed: 1 is near, 0 infinitely
+far away), in the order of distance on every ray, and is made by the rasteriser.
+
+References
+----------
+Harish, Narayanan 2013, *Designing Perspectively Correct Multiplanar Displays*, section 3.1 (the homography per facet).
+Kooima 2009, *Generalized Perspective Projection* (the same picture as an off-axis frustum).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.display.display import Display
+from limen.display.panel import MAX_OUTLINE_CORNERS
+from limen.display.quilt import Quilt
+from limen.geometry import Floats, Vec3
+
+__all__ = ["GUARD_PX", "NEAR_M", "PanelViews", "Windows", "quilt_from_room"]
+
+GUARD_PX = 1.5
+"""How far beyond its outline a panel is drawn. Without it, pixels whose centre the outline just misses stay black, and
+whoever samples the quilt between pixels sees dotted seams."""
+
+NEAR_M = 0.02
+"""What is nearer to the eye than this, on the ray through a panel's middle, is cut away."""
+
+_IN_PLANE_M = 1e-6  # an eye this near to a panel's plane, or behind it, sees no pixel of it
+
+
+class PanelViews(NamedTuple):
+    """What one eye sees of the panels, as linear forms of ``d``, the way from the eye to a place (metres).
+
+    One row a panel; ``clip[:, 0] . d``, ``clip[:, 1] . d`` and ``clip[:, 2] . d`` are x, y, w in the clip space of the
+    quilt, z is ``near``. ``edges[:, k] . d / w`` is the distance in pixels from edge k of the outline and its guard
+    band, positive inside; rows beyond the outline's number of corners repeat its first. ``corners`` are unit vectors
+    toward the corners of outline and guard band.
+    """
+
+    clip: Floats  # (N, 3, 3)
+    near: Floats  # (N,)
+    edges: Floats  # (N, 8, 3)
+    corners: Floats  # (N, 8, 3)
+    corner_count: NDArray[np.int64]  # (N,)
+    facing: NDArray[np.bool_]  # (N,): the eye is in front of the panel
+
+
+@dataclass(frozen=True)
+class Windows:
+    """The panels of a quilt as windows: what does not depend on the eye.
+
+    Parameters
+    ----------
+    display, quilt
+        Where the panels hang, and where they lie in the image.
+    copies
+        How many eyes are drawn side by side: the quilt is that many times as wide.
+    guard_px
+        See `GUARD_PX`.
+    """
+
+    display: Display
+    quilt: Quilt
+    copies: int = 1
+    guard_px: float = GUARD_PX
+
+    def seen_from(self, eye_m: Vec3 | Floats, copy: int = 0) -> PanelViews:
+        """The panels as one eye sees them.
+
+        Parameters
+        ----------
+        eye_m
+            The eye in the room, shape (3,).
+        copy
+            Which of the quilt's copies is this eye's.
+        """
+        lines = self._lines
+        relative = np.asarray(eye_m, dtype=float) - lines.origin_m
+        height = np.einsum("na,na->n", lines.normal, relative)
+        w = -lines.normal
+        across = _ray_form(lines.per_right, relative, height, lines.normal)
+        along = _ray_form(lines.per_down, relative, height, lines.normal)
+        place = np.einsum("nij,njk->nik", lines.quilt[:, :, :2], np.stack([across, along], axis=1))
+        place += lines.quilt[:, :, 2:] * w[:, None]
+        width, quilt_height = self.quilt.size_px
+        scale = 2 / (width * self.copies)
+        x = (place[:, 0] + copy * width * w) * scale - w
+        y = w - place[:, 1] * (2 / quilt_height)
+        a, b, c = (lines.outline[:, :, number, None] for number in range(3))
+        edges = a * across[:, None] + b * along[:, None] + c * w[:, None]
+        facing = height > _IN_PLANE_M
+        distance = np.linalg.norm(lines.middle_m - np.asarray(eye_m, dtype=float), axis=1)
+        near = np.maximum(height, 0) * np.minimum(NEAR_M / np.maximum(distance, 1e-300), 0.5)
+        return PanelViews(
+            np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count, facing
+        )
+
+    @cached_property
+    def light(self) -> tuple[Floats, Floats]:
+        """Gain and falloff of every panel, shape (N,) each; see `limen.display.panel.Panel`."""
+        panels = [self.display.panels[index] for index in self.quilt.panels]
+        return np.array([panel.gain for panel in panels]), np.array([panel.falloff for panel in panels])
+
+    @cached_property
+    def middle_m(self) -> Floats:
+        """The mean of the panels' middles, shape (3,)."""
+        return np.asarray(self._lines.middle_m.mean(axis=0))
+
+    @cached_property
+    def _lines(self) -> _Lines:
+        chosen = list(self.quilt.panels)
+        panels = [self.display.panels[index] for index in chosen]
+        arrays = self.display.arrays
+        right, down, pitch_m = arrays.right[chosen], arrays.down[chosen], arrays.pitch_m[chosen]
+        outline = np.zeros((len(panels), MAX_OUTLINE_CORNERS, 3))
+        count = np.array([len(panel.lit_outline_px) for panel in panels], dtype=np.int64)
+        for row, panel in zip(outline, panels, strict=True):
+            row[:] = _edges_px(panel.lit_outline_px + np.array(panel.nudge_px), self.guard_px)
+        return _Lines(
+            self.display.nudged_origin_m[chosen],
+            right / pitch_m[:, :1],
+            down / pitch_m[:, 1:],
+            np.cross(down, right),
+            np.array([panel.outline_m.mean(axis=0) for panel in panels]),
+            self.quilt.quilt_from_panel(self.display),
+            outline,
+            count,
+        )
+
+
+class _Lines(NamedTuple):
+    """Of every panel of a quilt, one row a panel."""
+
+    origin_m: Floats  # (N, 3)
+    per_right: Floats  # (N, 3): pixels per metre, to the right
+    per_down: Floats  # (N, 3)
+    normal: Floats  # (N, 3), toward the viewers
+    middle_m: Floats  # (N, 3)
+    quilt: Floats  # (N, 2, 3): quilt pixels from panel pixels
+    outline: Floats  # (N, 8, 3): a x + b y + c is the distance in pixels inside an edge and its guard
+    corner_count: NDArray[np.int64]  # (N,)
+
+
+def quilt_from_room(display: Display, quilt: Quilt, eye_m: Vec3) -> Floats:
+    """The one matrix of every panel: homogeneous room coordinates (metres) to the clip space of the quilt.
+
+    Returns
+    -------
+    shape (N, 4, 4)
+        In the order of the quilt's panels. Clip space is WebGPU's (x right, y up, depth 0 ... 1), depth reversed.
+    """
+    views = Windows(display, quilt).seen_from(eye_m)
+    matrices = np.zeros((len(views.near), 4, 4))
+    rows = views.clip
+    matrices[:, [0, 1, 3], :3] = rows
+    matrices[:, [0, 1, 3], 3] = -rows @ np.asarray(eye_m, dtype=float)
+    matrices[:, 2, 3] = views.near
+    return matrices
+
+
+def _ray_form(axis: Floats, relative: Floats, height: Floats, normal: Floats) -> Floats:
+    """Where the ray along ``d`` meets the panel's plane, measured along ``axis`` and times ``w``: forms (N, 3)."""
+    return axis * height[:, None] - normal * np.einsum("na,na->n", axis, relative)[:, None]
+
+
+def _edges_px(corners: Floats, guard_px: float) -> Floats:
+    """Lines inside of which a convex outline (clockwise, y down) and its guard band lie: shape (8, 3)."""
+    step = np.roll(corners, -1, axis=0) - corners
+    inward = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.linalg.norm(step, axis=1)[:, None]
+    offset = guard_px - np.einsum("ka,ka->k", inward, corners)
+    edges = np.column_stack([inward, offset])
+    return np.asarray(edges[[*range(len(edges)), *([0] * (MAX_OUTLINE_CORNERS - len(edges)))]])
+
+
+def _corners(edges: Floats, count: Sequence[int] | NDArray[np.int64]) -> Floats:
+    """Where neighbouring edges meet, as unit vectors on the viewed side: shape (N, 8, 3)."""
+    before = (np.arange(MAX_OUTLINE_CORNERS)[None] - 1) % np.asarray(count)[:, None]
+    corners = np.cross(np.take_along_axis(edges, before[..., None], axis=1), edges)
+    return np.asarray(corners / np.maximum(np.linalg.norm(corners, axis=2, keepdims=True), 1e-300))
