@@ -174,7 +174,7 @@ def quilt_from_room(display: Display, quilt: Quilt, eye_m: Vec3) -> Floats:
 
 def _ray_form(axis: Floats, relative: Floats, height: Floats, normal: Floats) -> Floats:
     """Where the ray along ``d`` meets the panel's plane, measured along ``axis`` and times ``w``: forms (N, 3)."""
-    return axis * height[:, None] - normal * np.einsum("na,na->n", axis, relative)[:, None]
+    return np.asarray(axis * height[:, None] - normal * np.einsum("na,na->n", axis, relative)[:, None])
 
 
 def _edges_px(corners: Floats, guard_px: float) -> Floats:
