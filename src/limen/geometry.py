@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Floats", "Vec3", "as_vec3", "cross", "dot", "length", "normalised"]
+__all__ = ["Floats", "Vec3", "as_vec3", "cross", "dot", "length", "normalised", "signed_area"]
 
 Vec3: TypeAlias = tuple[float, float, float]
 Floats: TypeAlias = NDArray[np.float64]
@@ -53,3 +53,13 @@ def normalised(a: Vec3, what: str) -> Vec3:
     if size < 1e-12:
         raise ValueError(f"{what} must not be the zero vector")
     return (a[0] / size, a[1] / size, a[2] / size)
+
+
+def signed_area(corners: Floats) -> float:
+    """Area of a plane polygon, shape (K, 2): positive where x turns toward y (clockwise if y points down).
+
+    >>> signed_area(np.array([[0, 0], [2, 0], [2, 1], [0, 1]]))
+    2.0
+    """
+    x, y = np.asarray(corners, dtype=float).T
+    return float(x @ np.roll(y, -1) - np.roll(x, -1) @ y) / 2

@@ -67,3 +67,44 @@ def test_pieces_are_the_panels_pictures() -> None:
     cut = pieces(display, Quilt((5, 2), (0, 1), ((0, 0), (3, 0))), image)
     assert (cut["p0"] == image[:, :3]).all()
     assert (cut["p1"] == image[:, 3:]).all()
+
+
+@given(st.lists(st.tuples(sides, sides, st.integers(0, 3)), min_size=1, max_size=6))
+def test_turned_panels_lie_where_their_map_says(panels: list[tuple[int, int, int]]) -> None:
+    """A picture of its own coordinates, turned into the quilt by NumPy, is where the affine map sends them."""
+    display = _display([(width, height) for width, height, _ in panels])
+    offsets, turns = [(3, 60 * n) for n in range(len(panels))], tuple(turn for _, _, turn in panels)
+    quilt = Quilt((64, 60 * len(panels)), tuple(range(len(panels))), tuple(offsets), turns)
+    image = np.full((quilt.size_px[1], quilt.size_px[0], 3), -1)
+    for index, (width, height, turn) in enumerate(panels):
+        rows, columns = np.mgrid[:height, :width]
+        picture = np.rot90(np.stack([columns, rows, np.full_like(rows, index)], axis=-1), -turn)
+        x, y = offsets[index]
+        image[y : y + picture.shape[0], x : x + picture.shape[1]] = picture
+    maps = quilt.quilt_from_panel(display)
+    cut = pieces(display, quilt, image)
+    for index, (width, height, _) in enumerate(panels):
+        rows, columns = np.mgrid[:height, :width]
+        centres = np.stack([columns, rows], axis=-1) + 0.5
+        places = np.floor(centres @ maps[index, :, :2].T + maps[index, :, 2]).astype(int)
+        expected = np.stack([columns, rows, np.full_like(rows, index)], axis=-1)
+        assert (image[places[..., 1], places[..., 0]] == expected).all()
+        assert (cut[f"p{index}"] == expected).all()
+        assert np.linalg.det(maps[index, :, :2]) == pytest.approx(1), "turned, never mirrored"
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"size_px": (0, 4)}, "at least one pixel"),
+        ({"offsets_px": ((0, 0),)}, "as many offsets"),
+        ({"turns": (1,)}, "as many turns or none"),
+        ({"turns": (0, 4)}, "0 to 3 quarter turns"),
+        ({"panels": (1, 1)}, "no panel twice"),
+    ],
+)
+def test_quilts_refuse_nonsense(fields: dict[str, object], words: str) -> None:
+    good = {"size_px": (4, 4), "panels": (0, 1), "offsets_px": ((0, 0), (2, 0)), "turns": (0, 3)}
+    assert Quilt(**good).turns == (0, 3)  # type: ignore[arg-type]
+    with pytest.raises(DisplayError, match=words):
+        Quilt(**{**good, **fields})  # type: ignore[arg-type]

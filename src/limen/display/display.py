@@ -254,6 +254,7 @@ def _cut_out(panel: Panel, name: str, rect: Rect) -> Panel:
         origin_m=(float(x), float(y), float(z)),
         surface_m=(panel.surface_m[0] + left * panel.pitch_m[0], panel.surface_m[1] + top * panel.pitch_m[1]),
         outline_px=tuple((x - left, y - top) for x, y in panel.outline_px),
+        bezel_m=0.0,  # a cut through the lit area has no frame
     )
 
 

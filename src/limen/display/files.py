@@ -15,11 +15,24 @@ import msgspec
 import tomli_w
 from msgspec import Meta, field
 
-from limen.display.grid import WHITE_CD_M2, Grid, Luminance, Side, panel_of_corners, panels_of_grid
+from limen.display.grid import (
+    WHITE_CD_M2,
+    Falloff,
+    Gain,
+    Grid,
+    Luminance,
+    NotNegative,
+    Side,
+    panel_of_corners,
+    panels_of_grid,
+)
 from limen.display.panel import Panel
 from limen.errors import DisplayError, FormatError, MissingFileError
 
 __all__ = ["DisplayFile", "preset_names", "preset_path", "read", "schema", "write"]
+
+
+Bezel = Annotated[NotNegative, Meta(description="Width of the dark frame around a panel's lit outline.")]
 
 
 class PanelEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -51,6 +64,9 @@ class PanelEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True)
     )
     node: Annotated[str, Meta(description="The machine that draws this panel.")] = ""
     luminance_cd_m2: Luminance = None
+    gain: Gain = 1.0
+    falloff: Falloff = 0.0
+    bezel_mm: Bezel = 0.0
 
 
 class Adjustment(msgspec.Struct, forbid_unknown_fields=True):
@@ -60,6 +76,9 @@ class Adjustment(msgspec.Struct, forbid_unknown_fields=True):
     nudge_px: tuple[float, float] | None = None
     node: str | None = None
     luminance_cd_m2: float | None = None
+    gain: Gain | None = None
+    falloff: Falloff | None = None
+    bezel_mm: Bezel | None = None
 
 
 class DisplayFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -109,6 +128,9 @@ def write(name: str, panels: tuple[Panel, ...], description: str = "") -> str:
             nudge_px=panel.nudge_px,
             node=panel.node,
             luminance_cd_m2=panel.luminance_cd_m2,
+            gain=panel.gain,
+            falloff=panel.falloff,
+            bezel_mm=panel.bezel_m * 1000,
         )
         for panel in panels
     ]
@@ -191,6 +213,9 @@ def _panels(content: DisplayFile) -> tuple[Panel, ...]:
                 nudge_px=entry.nudge_px,
                 node=entry.node,
                 luminance_cd_m2=white,
+                gain=entry.gain,
+                falloff=entry.falloff,
+                bezel_m=entry.bezel_mm / 1000,
             )
         )
         edge = max(edge, panels[-1].surface_m[0] + panels[-1].size_m[0])
@@ -200,7 +225,9 @@ def _panels(content: DisplayFile) -> tuple[Panel, ...]:
 def _adjusted(panel: Panel, adjustments: list[Adjustment]) -> Panel:
     for adjustment in adjustments:
         if fnmatchcase(panel.name, adjustment.panels):
-            fields = ("nudge_px", "node", "luminance_cd_m2")
+            fields = ("nudge_px", "node", "luminance_cd_m2", "gain", "falloff")
             given = {name: getattr(adjustment, name) for name in fields if getattr(adjustment, name) is not None}
+            if adjustment.bezel_mm is not None:
+                given["bezel_m"] = adjustment.bezel_mm / 1000
             panel = replace(panel, **given)
     return panel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -14,7 +14,18 @@ from limen.errors import DisplayError
 from limen.geometry import Vec3, as_vec3, cross, normalised
 from limen.units import inch_to_m
 
-__all__ = ["WHITE_CD_M2", "Grid", "Luminance", "Side", "panel_of_corners", "panels_of_grid"]
+__all__ = [
+    "WHITE_CD_M2",
+    "Falloff",
+    "Gain",
+    "Grid",
+    "Luminance",
+    "NotNegative",
+    "Positive",
+    "Side",
+    "panel_of_corners",
+    "panels_of_grid",
+]
 
 WHITE_CD_M2 = 100.0
 """Luminance of white where a display file says nothing: the condition of Ashraf, Chapiro, Mantiuk 2025."""
@@ -23,6 +34,13 @@ Side = Annotated[int, Meta(ge=1, le=65_535)]
 Luminance = Annotated[float | None, Meta(description="Luminance of white, cd/m2. Default: the display's.")]
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
+Gain = Annotated[
+    float, Meta(gt=0, le=1, description="Linear factor on the light of a panel, to match panels with each other.")
+]
+Falloff = Annotated[
+    float,
+    Meta(ge=0, description="Luminance falls as cos(angle from the normal) to this power; 0 is Lambertian."),
+]
 
 
 class Grid(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -42,7 +60,10 @@ class Grid(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     ] = None
     bezel_mm: Annotated[
         tuple[NotNegative, NotNegative],
-        Meta(description="Dark gap between the lit areas of neighbours: between columns, between rows."),
+        Meta(
+            description="Dark gap between the lit areas of neighbours: between columns, between rows. Each panel's "
+            "frame is half as wide as the narrower gap."
+        ),
     ] = (0.0, 0.0)
     facing: Annotated[tuple[float, float, float], Meta(description="The wall's normal, toward the viewers.")] = (
         0.0,
@@ -61,6 +82,8 @@ class Grid(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
         Meta(description="Place of its top left corner on the unrolled surface. Default: right of what came before."),
     ] = None
     luminance_cd_m2: Luminance = None
+    gain: Gain = 1.0
+    falloff: Falloff = 0.0
 
 
 def panels_of_grid(grid: Grid, surface_left_m: float, luminance_cd_m2: float = WHITE_CD_M2) -> list[Panel]:
@@ -92,6 +115,9 @@ def panels_of_grid(grid: Grid, surface_left_m: float, luminance_cd_m2: float = W
             surface_m=(surface[0] + column * step[0], surface[1] + row * step[1]),
             node=_node(grid, column),
             luminance_cd_m2=white,
+            gain=grid.gain,
+            falloff=grid.falloff,
+            bezel_m=min(grid.bezel_mm) / 2000,
         )
         for row in range(grid.rows)
         for column in range(grid.columns)
@@ -102,14 +128,11 @@ def panel_of_corners(
     name: str,
     size_px: tuple[int, int],
     corners_m: list[Vec3],
-    *,
-    surface_m: tuple[float, float] = (0.0, 0.0),
-    outline_px: tuple[tuple[float, float], ...] = (),
-    nudge_px: tuple[float, float] = (0.0, 0.0),
-    node: str = "",
-    luminance_cd_m2: float = WHITE_CD_M2,
+    **fields: Any,
 ) -> Panel:
     """A panel from the room positions of its top left, top right, bottom right (and bottom left) corners.
+
+    ``fields`` are those of `Panel` that the corners do not tell.
 
     Raises
     ------
@@ -140,11 +163,7 @@ def panel_of_corners(
         right=as_vec3(right, "right"),
         down=normalised(as_vec3(down, "down"), "down"),
         pitch_m=(width / size_px[0], height / size_px[1]),
-        surface_m=surface_m,
-        outline_px=outline_px,
-        nudge_px=nudge_px,
-        node=node,
-        luminance_cd_m2=luminance_cd_m2,
+        **fields,
     )
 
 

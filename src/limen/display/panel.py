@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from limen.errors import DisplayError
-from limen.geometry import Floats, Vec3, as_vec3, cross, dot, normalised
+from limen.geometry import Floats, Vec3, as_vec3, cross, dot, normalised, signed_area
 
 __all__ = ["MAX_OUTLINE_CORNERS", "Panel"]
 
@@ -45,6 +45,12 @@ class Panel:
     luminance_cd_m2
         Of white, as the viewer sees it. The default is the condition under which people's resolution was measured
         (Ashraf, Chapiro, Mantiuk 2025). Models of vision clamp it to 0.0113 ... 10,000.
+    gain
+        Linear factor on the light of this panel, 0 < gain <= 1, to match panels with each other.
+    falloff
+        Exponent k >= 0 of the panel's luminance, which falls as cos(angle from the normal)^k; 0 is Lambertian.
+    bezel_m
+        Width of the dark frame around the lit outline.
 
     Raises
     ------
@@ -64,6 +70,9 @@ class Panel:
     node: str = ""
     true_px: float = 1.0
     luminance_cd_m2: float = 100.0
+    gain: float = 1.0
+    falloff: float = 0.0
+    bezel_m: float = 0.0
 
     def __post_init__(self) -> None:
         try:
@@ -80,6 +89,11 @@ class Panel:
             raise ValueError(f"pitch must be positive, got {list(self.pitch_m)}")
         if not (math.isfinite(self.luminance_cd_m2) and self.luminance_cd_m2 > 0):
             raise ValueError(f"luminance_cd_m2 of white must be above 0, got {self.luminance_cd_m2}; 100 is common")
+        if not 0 < self.gain <= 1:
+            raise ValueError(f"gain must lie above 0 and at most at 1, got {self.gain}: the dimmest panel has 1")
+        for field, value in (("falloff", self.falloff), ("bezel", self.bezel_m)):
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{field} must be 0 or more, got {value}")
         object.__setattr__(self, "origin_m", as_vec3(self.origin_m, "origin"))
         object.__setattr__(self, "right", normalised(as_vec3(self.right, "right"), "right"))
         object.__setattr__(self, "down", normalised(as_vec3(self.down, "down"), "down"))
@@ -107,6 +121,18 @@ class Panel:
         """Top left, top right, bottom right, bottom left of the pixel grid: shape (4, 3)."""
         width, height = self.size_px
         return self.position_m(np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=float))
+
+    @property
+    def lit_outline_px(self) -> Floats:
+        """Corners of the lit polygon on the pixel grid, clockwise as the viewer sees it: shape (K, 2)."""
+        width, height = self.size_px
+        corners = np.array(self.outline_px or ((0, 0), (width, 0), (width, height), (0, height)), dtype=float)
+        return corners if signed_area(corners) > 0 else corners[::-1]
+
+    @property
+    def outline_m(self) -> Floats:
+        """Room positions of the lit polygon's corners, clockwise as the viewer sees it: shape (K, 3)."""
+        return self.position_m(self.lit_outline_px)
 
     @property
     def centre_m(self) -> Floats:

@@ -11,8 +11,12 @@ from numpy.typing import NDArray
 
 from limen.display.display import Display
 from limen.errors import DisplayError
+from limen.geometry import Floats
 
 __all__ = ["Quilt", "fill", "pack", "pieces"]
+
+_TURNED = np.array([[[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]]], dtype=float)
+"""What 0 to 3 quarter turns clockwise make of a step in pixels (right, down)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +30,56 @@ class Quilt:
     panels
         Indices of the panels into the display.
     offsets_px
-        Where the first pixel of each of them lies in the image.
+        Where the top left pixel of each panel's picture, turned, lies in the image.
+    turns
+        Quarter turns clockwise of each panel's picture in the image, 0 to 3; empty if none is turned.
+
+    Raises
+    ------
+    DisplayError
+        If the lists do not match, a panel is there twice, or a turn is none.
     """
 
     size_px: tuple[int, int]
     panels: tuple[int, ...]
     offsets_px: tuple[tuple[int, int], ...]
+    turns: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if min(self.size_px) < 1:
+            raise DisplayError(f"a quilt must have at least one pixel, got {self.size_px[0]} x {self.size_px[1]}")
+        count = len(self.panels)
+        if len(self.offsets_px) != count or len(self.turns) not in (0, count):
+            raise DisplayError(
+                f"a quilt of {count} panels needs as many offsets, and as many turns or none; "
+                f"got {len(self.offsets_px)} and {len(self.turns)}"
+            )
+        if len(set(self.panels)) != count:
+            raise DisplayError("a quilt must hold no panel twice")
+        if not set(self.turns) <= {0, 1, 2, 3}:
+            raise DisplayError(f"a quilt's turns must be 0 to 3 quarter turns, got {sorted(set(self.turns))}")
+
+    @property
+    def quarter_turns(self) -> tuple[int, ...]:
+        """`turns`, with a 0 for every panel where none is turned."""
+        return self.turns or (0,) * len(self.panels)
+
+    def quilt_from_panel(self, display: Display) -> Floats:
+        """The affine maps from pixels of the panels to pixels of the quilt, in the order of `panels`.
+
+        Returns
+        -------
+        shape (N, 2, 3)
+            Row by row ``(a, b, c)``: a coordinate in the quilt is ``a x + b y + c``.
+        """
+        count = len(self.panels)
+        turns = np.array(self.quarter_turns, dtype=int)
+        sizes = np.array([display.panels[index].size_px for index in self.panels], dtype=float).reshape(-1, 2)
+        maps = np.zeros((count, 2, 3))
+        maps[:, :, :2] = _TURNED[turns]
+        # The corner of the turned picture's bounding box that has the smallest coordinates lies at the offset.
+        maps[:, :, 2] = self.offsets_px - np.minimum(maps[:, :, :2] * sizes[:, None], 0).sum(axis=2)
+        return maps
 
 
 def pack(
@@ -78,12 +126,16 @@ def fill(display: Display, quilt: Quilt) -> float:
 
 
 def pieces(display: Display, quilt: Quilt, image: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
-    """The picture of every panel of a quilt, by the panel's name: views of ``image``, (H, W, ...)."""
+    """The picture of every panel of a quilt, upright, by the panel's name: views of ``image``, (H, W, ...)."""
     pictures = {}
-    for index, (x, y) in zip(quilt.panels, quilt.offsets_px, strict=True):
-        width, height = display.panels[index].size_px
-        pictures[display.panels[index].name] = image[y : y + height, x : x + width]
+    for index, (x, y), turn in zip(quilt.panels, quilt.offsets_px, quilt.quarter_turns, strict=True):
+        width, height = _turned_size(display.panels[index].size_px, turn)
+        pictures[display.panels[index].name] = np.rot90(image[y : y + height, x : x + width], turn)
     return pictures
+
+
+def _turned_size(size_px: tuple[int, int], turn: int) -> tuple[int, int]:
+    return size_px if turn % 2 == 0 else (size_px[1], size_px[0])
 
 
 def _fill(waiting: list[int], sizes: dict[int, tuple[int, int]], max_size_px: int, max_px: int) -> Quilt:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from limen.display.quilt import Quilt
 from limen.draw import records
+from limen.errors import InputError
 from limen.geometry import Vec3
 from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.device import Device
@@ -173,6 +174,8 @@ class ImageLayer:
         self, cut: Cut, drawable: Drawable | PageTable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
     ) -> int:
         """Hand the frame over; returns how many quads are to be drawn."""
+        if any(quilt.turns):
+            raise InputError("images are drawn into quilts without turned panels only: pack the panels without turns")
         view, buffers = self._view, self._buffers
         pool = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
         buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool))
