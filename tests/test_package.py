@@ -18,7 +18,7 @@ from limen.cli import app as cli_app
 SOURCE = Path(limen.__file__).parent
 FILES = sorted(SOURCE.rglob("*.py"))
 LONGEST_FILE, LONGEST_FUNCTION = 400, 60
-HEAVY = ("wgpu", "numba", "pyvips", "matplotlib")
+HEAVY = ("wgpu", "numba", "pyvips", "matplotlib", "trimesh")
 
 
 def names_for_type_checkers() -> dict[str, str]:

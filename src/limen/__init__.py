@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from limen.data import open as open
     from limen.data.image import Image as Image
+    from limen.data.mesh import Mesh as Mesh
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
@@ -26,6 +27,7 @@ _HOMES = {
     "Display": "limen.display.display",
     "Image": "limen.data.image",
     "LimenError": "limen.errors",
+    "Mesh": "limen.data.mesh",
     "Panel": "limen.display.panel",
     "Tolerance": "limen.tolerance",
     "Viewer": "limen.viewer",
@@ -41,6 +43,7 @@ __all__ = [
     "Display",
     "Image",
     "LimenError",
+    "Mesh",
     "Panel",
     "Tolerance",
     "Viewer",

@@ -44,6 +44,21 @@ def test_info_speaks_to_people(capsys, picture):
     assert "600 x 500 texels" in out
 
 
+def test_a_mesh_is_made_and_told(capsys, tmp_path):
+    code, out, _ = run(capsys, "sample", "mesh", tmp_path / "m.glb", "--size", 2000, "--json")
+    made = json.loads(out)
+    assert code == 0
+    assert abs(made["size"] - 2000) < 100
+    code, out, _ = run(capsys, "info", tmp_path / "m.glb", "--json")
+    found = json.loads(out)
+    assert (code, found["kind"], found["size"], found["levels"]) == (0, "mesh", made["size"], [made["size"]])
+    assert (found["vertices"], found["textures"], found["texture_px"]) == (made["vertices"], 1, [1024, 256])
+    assert np.shape(found["bounds"]) == (2, 3)
+    code, out, _ = run(capsys, "info", tmp_path / "m.glb")
+    assert f"{made['size']:,} triangles" in out
+    assert "kept as 1024 x 256 texels" in out
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -51,6 +66,8 @@ def test_info_speaks_to_people(capsys, picture):
         ("ingest", "nowhere.tif", "b.tif"),
         ("sample", "terrain", "out.tif"),
         ("sample", "cheese", "out.tif"),
+        ("sample", "mesh", "out.tif"),
+        ("sample", "mesh", "out.ply", "--gigapixels", "1"),
         ("sample", "image", "out.tif", "--size", "9", "--gigapixels", "1"),
         ("sample", "image", "nowhere/out.tif", "--size", "9"),
     ],

@@ -11,16 +11,35 @@ __all__ = ["info"]
 
 
 def info(file: Path, *, common: Common = DEFAULT) -> None:
-    """What a file is: kind, size, levels, pages, colour.
+    """What a file is: kind, size, and what it holds.
 
     Parameters
     ----------
     file
-        An image: pyramidal TIFF, slide, Deep Zoom, or any picture.
+        An image (pyramidal TIFF, slide, Deep Zoom, or any picture) or a mesh (PLY, OBJ, GLB, STL, ...).
     """
     out = Output(common)
-    with limen.data.open(file) as image:
-        found = image.info()
+    content = limen.data.open(file)
+    if isinstance(content, limen.data.Mesh):
+        _tell_mesh(out, content.info())
+        return
+    with content as image:
+        _tell_image(out, image.info())
+
+
+def _tell_mesh(out: Output, found: limen.data.MeshInfo) -> None:
+    out.result(found)
+    out.line(f"{found.path}: {found.kind}, {found.size:,} triangles, {found.vertices:,} vertices")
+    for axis, low, high in zip("xyz", *found.bounds, strict=True):
+        out.line(f"  {axis}: {low:.6g} to {high:.6g}, {high - low:.6g} in the file's unit")
+    if found.texture_px is None:
+        out.line("  no textures; colours of vertices")
+    else:
+        out.line(f"  textures: {found.textures}, kept as {found.texture_px[0]} x {found.texture_px[1]} texels")
+    out.line(f"  {_amount(found.bytes)} in memory")
+
+
+def _tell_image(out: Output, found: limen.data.ImageInfo) -> None:
     out.result(found)
     width, height = found.size
     stored = f"{found.format} ({found.compression}, {found.bits} bits), {_amount(found.bytes)}"

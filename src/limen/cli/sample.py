@@ -10,7 +10,7 @@ from limen.errors import InputError
 
 __all__ = ["sample"]
 
-_LATER = ("terrain", "points", "mesh")
+_LATER = ("terrain", "points")
 
 
 def sample(
@@ -23,28 +23,49 @@ def sample(
     aspect: float | None = None,
     common: Common = DEFAULT,
 ) -> None:
-    """Make deterministic data: an imaginary map with detail at every scale.
+    """Make deterministic data: an imaginary map with detail at every scale, or a bumpy torus knot.
 
     Parameters
     ----------
     kind
-        What to make: image.
+        What to make: image or mesh.
     out
-        The file to write.
+        The file to write: .tif for an image; for a mesh .ply, or .glb with a texture.
     gigapixels
-        How large, in 1e9 texels (1 unless --size is given).
+        How large an image, in 1e9 texels (1 unless --size is given).
     size
-        How wide, in texels, instead of --gigapixels.
+        How wide an image, in texels, instead of --gigapixels; how many triangles of a mesh, about (69,716).
     seed
         Another number, another world.
     aspect
-        Width by height; the wall of a room of 416 panels, 133120 x 11520, unless given.
+        Width by height of an image; the wall of a room of 416 panels, 133120 x 11520, unless given.
     """
     output = Output(common)
-    if kind in _LATER:
-        raise InputError(f"sample {kind} is not made yet; only image is")
-    if kind != "image":
-        raise InputError(f"there is no sample of kind {kind!r}; the kinds are image, {', '.join(_LATER)}")
+    match kind:
+        case "image":
+            _image(output, out, gigapixels, size, seed, aspect)
+        case "mesh":
+            if gigapixels is not None or aspect is not None:
+                raise InputError("--gigapixels and --aspect are of images; --size says how many triangles a mesh has")
+            _mesh(output, out, size, seed)
+        case _ if kind in _LATER:
+            raise InputError(f"sample {kind} is not made yet; image and mesh are")
+        case _:
+            raise InputError(f"there is no sample of kind {kind!r}; the kinds are image, mesh, {', '.join(_LATER)}")
+
+
+def _mesh(output: Output, out: Path, size: int | None, seed: int) -> None:
+    report = limen.data.sample_mesh(out, limen.data.KNOT_TRIANGLES if size is None else size, seed)
+    output.result(report)
+    output.line(
+        f"{report.path}: {report.size:,} triangles, {report.vertices:,} vertices, {report.bytes:,} bytes, "
+        f"in {report.seconds:.1f} s"
+    )
+
+
+def _image(
+    output: Output, out: Path, gigapixels: float | None, size: int | None, seed: int, aspect: float | None
+) -> None:
     if size is not None and gigapixels is not None:
         raise InputError("--size and --gigapixels both say how large; give one of them")
     with output.progress(f"drawing {out.name}", 1000) as step:

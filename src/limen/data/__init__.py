@@ -1,4 +1,4 @@
-"""Reading and making data: images as pages of a pyramid.
+"""Reading and making data: images as pages of a pyramid, meshes as triangles.
 
 What is slow to import (Numba for ``ingest`` and ``sample_image``, the image codecs for ``open``) is imported when it
 is first asked for, so that ``import limen.data`` costs next to nothing.
@@ -13,42 +13,63 @@ if TYPE_CHECKING:
     from limen.data.build import IngestReport, ingest
     from limen.data.contrast import CONTRAST_OF_BYTE, ContrastSurvey, page_contrast
     from limen.data.image import Image, ImageInfo
-    from limen.data.image import open_image as open
+    from limen.data.mesh import NO_TEXTURE, Mesh, MeshInfo
+    from limen.data.mesh_file import open_mesh
+    from limen.data.mesh_sample import KNOT_TRIANGLES, MeshSampleReport, ripple, sample_mesh, torus_knot
+    from limen.data.opening import open_content as open
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
     from limen.data.sample import SampleReport, sample_image
 
 __all__ = [
     "CONTRAST_OF_BYTE",
     "GUTTER",
+    "KNOT_TRIANGLES",
+    "NO_TEXTURE",
     "PAGE",
     "ContrastSurvey",
     "Image",
     "ImageInfo",
     "IngestReport",
     "Level",
+    "Mesh",
+    "MeshInfo",
+    "MeshSampleReport",
     "Pyramid",
     "SampleReport",
     "ingest",
     "open",
+    "open_mesh",
     "page_contrast",
+    "ripple",
     "sample_image",
+    "sample_mesh",
+    "torus_knot",
 ]
 
 _HOMES = {
     "CONTRAST_OF_BYTE": ("contrast_file", "CONTRAST_OF_BYTE"),
     "ContrastSurvey": ("contrast", "ContrastSurvey"),
     "GUTTER": ("pages", "GUTTER"),
-    "PAGE": ("pages", "PAGE"),
     "Image": ("image", "Image"),
     "ImageInfo": ("image", "ImageInfo"),
     "IngestReport": ("build", "IngestReport"),
+    "KNOT_TRIANGLES": ("mesh_sample", "KNOT_TRIANGLES"),
     "Level": ("pages", "Level"),
+    "Mesh": ("mesh", "Mesh"),
+    "MeshInfo": ("mesh", "MeshInfo"),
+    "MeshSampleReport": ("mesh_sample", "MeshSampleReport"),
+    "NO_TEXTURE": ("mesh", "NO_TEXTURE"),
+    "PAGE": ("pages", "PAGE"),
     "Pyramid": ("pages", "Pyramid"),
     "SampleReport": ("sample", "SampleReport"),
     "ingest": ("build", "ingest"),
-    "open": ("image", "open_image"),
+    "open": ("opening", "open_content"),
+    "open_mesh": ("mesh_file", "open_mesh"),
     "page_contrast": ("contrast", "page_contrast"),
+    "ripple": ("mesh_sample", "ripple"),
     "sample_image": ("sample", "sample_image"),
+    "sample_mesh": ("mesh_sample", "sample_mesh"),
+    "torus_knot": ("mesh_sample", "torus_knot"),
 }
 
 
