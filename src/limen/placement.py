@@ -1,4 +1,4 @@
-"""How an image lies on a display: on its unrolled surface, or on a shape in the room seen through it.
+"""How an image lies on a display: on its unrolled surface, or on a shape in the room seen through it; where a mesh stands.
 
 On the **surface** every panel shows a rectangle of the image, whoever looks from wherever: the map from
 pixels to texels is a scale and an offset per panel. On a **shape** (plane, cylinder, ellipsoid) a pixel shows
@@ -18,7 +18,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
 
-__all__ = ["FITS", "OnShape", "OnSurface", "PanelMaps", "Placement", "one_to_one_size_px"]
+__all__ = ["FITS", "OnShape", "OnSurface", "PanelMaps", "Placement", "mesh_in_room", "one_to_one_size_px"]
 
 Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
 FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
@@ -177,3 +177,76 @@ def one_to_one_size_px(display: Display) -> tuple[int, int]:
     pitch = display.pitch_m
     surface = display.surface
     return (max(1, round(surface.width / pitch)), max(1, round(surface.height / pitch)))
+
+
+_WALL = 0.75
+"""Length of the mean normal from which a display counts as a wall."""
+
+_FILLS = 0.8
+"""Share of the display's smallest extent that a mesh fills unless told otherwise."""
+
+
+def mesh_in_room(
+    bounds: Floats,
+    display: Display,
+    *,
+    size_m: float | None = None,
+    at_m: Vec3 | None = None,
+    up: Literal["y", "z"] = "y",
+    turn_deg: float = 0.0,
+) -> Floats:
+    """Where a mesh stands, unless its user says: affine map from its coordinates to the room, metres, shape (4, 4).
+
+    Inside a display that is walked around; just behind a wall; in a room of panels, behind the panels that the room
+    opens toward (-z, where all look alike).
+
+    Parameters
+    ----------
+    bounds
+        Smallest and largest coordinates of the mesh, shape (2, 3).
+    size_m
+        Its largest extent in the room.
+    at_m
+        Place of the middle of its bounds.
+    up
+        Which of the mesh's axes points up.
+    turn_deg
+        Turned about the vertical, counter-clockwise from above.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no extent, or ``size_m`` is not positive.
+    """
+    low, high = np.asarray(bounds, dtype=float)
+    extent = float((high - low).max())
+    if not extent > 0:
+        raise InputError("the mesh is a single point: it has no size to be shown at")
+    if size_m is not None and not 0 < size_m < math.inf:
+        raise InputError(f"a mesh's size must be a positive number of metres, got {size_m}")
+    middle, room = _stand(display)
+    scale = (room if size_m is None else size_m) / extent
+    frame = np.eye(3) if up == "y" else np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+    turn = math.radians(turn_deg)
+    about = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
+    matrix = np.eye(4)
+    matrix[:3, :3] = about @ frame * scale
+    matrix[:3, 3] = (middle if at_m is None else np.array(at_m)) - matrix[:3, :3] @ ((low + high) / 2)
+    return matrix
+
+
+def _stand(display: Display) -> tuple[Floats, float]:
+    """Middle and extent (metres) of what is shown where nobody says."""
+    low, high = display.bounds_m
+    middle, extents = (low + high) / 2, high - low
+    facing = display.facing
+    strength = float(np.linalg.norm(facing))
+    if strength > _WALL:
+        size = _FILLS * float(np.sort(extents)[1])
+        return middle - facing / strength * size / 2, size
+    normals = np.array([panel.normal for panel in display.panels])
+    centres = np.array([panel.centre_m for panel in display.panels])
+    if float(np.sum(normals * (centres - middle))) > 0:
+        return middle, _FILLS * float(extents.min())
+    size = _FILLS / 2 * float(extents[:2].min())
+    return middle - np.array([0, 0, extents[2] / 2 + size / 2]), size

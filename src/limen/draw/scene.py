@@ -85,8 +85,10 @@ class SceneLayer:
         self.sorter.move(mesh.positions)
         self._corners.write(corner_rows(mesh))
 
-    def sort(self, windows: Windows, eyes_m: Floats, room_from_mesh: Floats, *, forward: Floats | None = None) -> None:
-        """Submit the first half of a frame: which triangles touch which panels.
+    def sort(self, windows: Windows, eyes_m: Floats, room_from_mesh: Floats, *, forward: Floats | None = None) -> int:
+        """The first half of a frame: which triangles touch which panels; waits for the adapter.
+
+        Where there is no room for all pairs, more is made and they are sorted once more: no triangle is lost.
 
         Parameters
         ----------
@@ -99,6 +101,11 @@ class SceneLayer:
         forward
             Where each eye's camera looks, shape (E, 3), for the depth that all panels share; by default toward
             the middle of the panels.
+
+        Returns
+        -------
+        int
+            How many pairs of a triangle and a panel there are.
         """
         eyes_m = np.asarray(eyes_m, dtype=float).reshape(-1, 3)
         if windows.copies != len(eyes_m):
@@ -117,6 +124,7 @@ class SceneLayer:
             )
         )  # fmt: skip
         self.sorter.sort(views, eye_from_mesh, (gain, falloff))
+        return self.sorter.settle()
 
     def draw(
         self,
@@ -128,8 +136,6 @@ class SceneLayer:
         target_format: str = QUILT_FORMAT,
     ) -> Any:
         """Submit the second half of a frame: everything that `sort` found, in one draw.
-
-        Where there was no room for all pairs, the frame is sorted and drawn once more, so that no triangle is lost.
 
         Parameters
         ----------
@@ -149,11 +155,7 @@ class SceneLayer:
         size = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
         texture = None if target is not None else self._target(size, target_format)
         view = texture.create_view() if texture is not None else target
-        capacity = self.sorter.pair_capacity
         self._submit(view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
-        self.sorter.settle()
-        if self.sorter.pair_capacity != capacity:
-            self._submit(view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
         return texture
 
     def read(self, texture: Any) -> NDArray[np.uint8]:

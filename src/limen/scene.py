@@ -1,0 +1,235 @@
+"""One frame of a three-dimensional scene: view -> sort -> draw -> present.
+
+`SceneRenderer` shows one mesh, as through windows, on all panels of a display to one viewer. A plain window is a display
+with one panel.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.mesh import Mesh
+from limen.display.display import Display
+from limen.display.quilt import Quilt, pack, pieces
+from limen.draw.eyes import Anaglyph
+from limen.draw.lit import Camera, LitDisplay
+from limen.draw.scene import Depth, SceneLayer, SceneOverlay
+from limen.errors import InputError
+from limen.geometry import Floats
+from limen.gpu.buffers import TextureReader
+from limen.gpu.device import Device
+from limen.placement import mesh_in_room
+from limen.view import Windows
+from limen.viewer import Viewer
+
+__all__ = ["STEREOS", "SceneRenderer", "SceneReport", "Stereo"]
+
+Stereo: TypeAlias = Literal["none", "anaglyph", "side-by-side", "sequential"]
+STEREOS: tuple[Stereo, ...] = get_args(Stereo)
+
+_QUILT_PX = 1 << 26
+"""Pixels of one offscreen quilt: 268 MB, and as much for depth."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneReport:
+    """What one frame took."""
+
+    time_s: float
+    panels_active: int
+    triangles: int
+    sort_ms: float
+    draw_ms: float
+
+
+class _Drawn(NamedTuple):
+    quilt: Quilt
+    texture: Any  # None where a target was given
+    report: SceneReport
+
+
+class SceneRenderer:
+    """One mesh on one display.
+
+    Parameters
+    ----------
+    device
+        Opened by the caller, who also closes it.
+    display, mesh
+        What is shown, and on what.
+    room_from_mesh
+        Affine map from the mesh's coordinates to the room, metres: shape (4, 4). By default it stands where
+        `limen.placement.mesh_in_room` puts it.
+    stereo
+        ``none``: one eye, midway between the two. ``anaglyph``: red of the left eye, cyan of the right.
+        ``side-by-side``: pictures of twice the width. ``sequential``: two pictures, the left eye's first.
+    depth
+        See `limen.draw.scene.SceneLayer.draw`.
+    max_quilt_px
+        Most pixels drawn at once; a display that has more is drawn in several quilts.
+
+    Raises
+    ------
+    DeviceLimitError, DisplayError
+        If the adapter cannot hold the mesh or draw a panel.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        display: Display,
+        mesh: Mesh,
+        *,
+        room_from_mesh: Floats | None = None,
+        stereo: Stereo = "none",
+        depth: Depth = "panel",
+        max_quilt_px: int = _QUILT_PX,
+        clip: bool = True,
+    ) -> None:
+        if stereo not in STEREOS:
+            raise InputError(f"no stereo is named '{stereo}': there are {', '.join(STEREOS)}")
+        self.display, self.stereo, self._depth = display, stereo, depth
+        self.room_from_mesh = mesh_in_room(mesh.bounds, display) if room_from_mesh is None else room_from_mesh
+        copies = 1 if stereo == "none" else 2
+        widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
+        self.quilts: Sequence[Quilt] = display.quilts or pack(
+            display,
+            max_size_px=device.max_texture_px // copies,
+            max_px=max(max_quilt_px // copies, widest),
+            outlines=True,
+        )
+        self._windows = {quilt: Windows(display, quilt, copies) for quilt in self.quilts}
+        self._device, self._mesh = device, mesh
+        self._layer = SceneLayer(device, mesh, clip=clip)
+        self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
+        self._reader = TextureReader(device)
+
+    def move(self, mesh: Mesh) -> None:
+        """The same triangles with other places and normals: what the next frames show."""
+        self._layer.move(mesh)
+
+    def frame(
+        self,
+        viewer: Viewer,
+        *,
+        quilt: Quilt | None = None,
+        overlay: SceneOverlay | None = None,
+        target: Any = None,
+        target_format: str = "rgba8unorm-srgb",
+    ) -> SceneReport:
+        """Draw what the viewer is to see, into the renderer's own textures or into ``target``.
+
+        ``quilt`` arranges the panels in another way than packing does (a window's unrolled surface).
+        """
+        chosen = [quilt] if quilt else self.quilts
+        drawn = [self._draw(each, viewer, overlay, target, target_format) for each in chosen]
+        return _total([each.report for each in drawn])
+
+    def pictures(
+        self, viewer: Viewer, *, overlay: SceneOverlay | None = None
+    ) -> Iterator[tuple[str, NDArray[np.uint8], SceneReport]]:
+        """Every panel's picture, quilt by quilt: (name, uint8 (h, w, 4) sRGB, the quilt's report).
+
+        With ``side-by-side`` a picture is (h, 2 w, 4); with ``sequential`` there are two, named ``name@left`` and
+        ``name@right``. An array is only valid until the next is asked for.
+        """
+        for quilt in self.quilts:
+            drawn = self._draw(quilt, viewer, overlay)
+            image = self._reader.read(drawn.texture)
+            if self.stereo in ("none", "anaglyph"):
+                for name, picture in pieces(self.display, quilt, image).items():
+                    yield name, picture, drawn.report
+                continue
+            width = quilt.size_px[0]
+            lefts, rights = (pieces(self.display, quilt, half) for half in (image[:, :width], image[:, width:]))
+            for name, left in lefts.items():
+                if self.stereo == "side-by-side":
+                    yield name, np.concatenate([left, rights[name]], axis=1), drawn.report
+                else:
+                    yield f"{name}@left", left, drawn.report
+                    yield f"{name}@right", rights[name], drawn.report
+
+    def seen(
+        self, viewer: Viewer, cameras: Sequence[Camera], *, overlay: SceneOverlay | None = None
+    ) -> list[NDArray[np.uint8]]:
+        """What cameras in the room see of the display while it is lit for a viewer: uint8 (H, W, 4), sRGB, each.
+
+        A camera at the viewer's eye sees the scene; from anywhere else it sees the scene bent.
+
+        Raises
+        ------
+        InputError
+            For two eyes side by side or after each other, which no one camera sees.
+        """
+        if self.stereo not in ("none", "anaglyph"):
+            raise InputError(f"'{self.stereo}' shows two pictures at once; simulate it with 'none' or 'anaglyph'")
+        textures = [self._draw(quilt, viewer, overlay).texture for quilt in self.quilts]
+        lit = LitDisplay(self._device, self.display, self.quilts)
+        try:
+            return [lit.read(lit.draw(textures, camera)) for camera in cameras]
+        finally:
+            lit.destroy()
+
+    def close(self) -> None:
+        """Free the GPU memory; the device stays open."""
+        self._layer.destroy()
+        self._reader.destroy()
+        if self._anaglyph is not None:
+            self._anaglyph.destroy()
+
+    def __enter__(self) -> SceneRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------ steps of a frame
+
+    def _draw(
+        self,
+        quilt: Quilt,
+        viewer: Viewer,
+        overlay: SceneOverlay | None,
+        target: Any = None,
+        target_format: str = "rgba8unorm-srgb",
+    ) -> _Drawn:
+        begin = time.perf_counter()
+        windows = self._windows.get(quilt)
+        if windows is None:
+            windows = self._windows[quilt] = Windows(self.display, quilt, 1 if self.stereo == "none" else 2)
+        eyes_m = self._eyes(viewer)
+        forward = np.repeat(np.array([viewer.direction]), len(eyes_m), axis=0)
+        triangles = self._layer.sort(windows, eyes_m, self.room_from_mesh, forward=forward)
+        sorted_at = time.perf_counter()
+        direct = target if self._anaglyph is None else None
+        texture = self._layer.draw(
+            windows, depth=self._depth, overlay=overlay, target=direct, target_format=target_format
+        )
+        if self._anaglyph is not None:
+            texture = self._anaglyph.draw(texture, target=target, target_format=target_format)
+        active = int(windows.seen_from(eyes_m[0]).facing.sum())
+        clock = (sorted_at - begin, time.perf_counter() - sorted_at)
+        return _Drawn(quilt, texture, SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3))
+
+    def _eyes(self, viewer: Viewer) -> Floats:
+        if self.stereo == "none":
+            return np.array([viewer.position_m])
+        eyes = viewer.eyes_m
+        return eyes if len(eyes) == 2 else np.repeat(eyes, 2, axis=0)
+
+
+def _total(reports: Sequence[SceneReport]) -> SceneReport:
+    """One report for all quilts of a frame."""
+    return SceneReport(
+        reports[0].time_s,
+        sum(report.panels_active for report in reports),
+        sum(report.triangles for report in reports),
+        sum(report.sort_ms for report in reports),
+        sum(report.draw_ms for report in reports),
+    )
