@@ -1,4 +1,4 @@
-"""How an image lies on a display: on its unrolled surface, or on a shape in the room seen through it; where a mesh stands.
+"""How an image lies on a display: on its unrolled surface, or on a shape seen through it; and where a mesh stands.
 
 On the **surface** every panel shows a rectangle of the image, whoever looks from wherever: the map from
 pixels to texels is a scale and an offset per panel. On a **shape** (plane, cylinder, ellipsoid) a pixel shows

@@ -1,7 +1,7 @@
 """One frame of a three-dimensional scene: view -> sort -> draw -> present.
 
-`SceneRenderer` shows one mesh, as through windows, on all panels of a display to one viewer. A plain window is a display
-with one panel.
+`SceneRenderer` shows one mesh, as through windows, on all panels of a display to one viewer. A plain window is a
+display with one panel.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.camera import Camera
 from limen.data.mesh import Mesh
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
 from limen.draw.eyes import Anaglyph
-from limen.draw.lit import Camera, LitDisplay
+from limen.draw.lit import LitDisplay
 from limen.draw.scene import Depth, SceneLayer, SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.placement import mesh_in_room
-from limen.view import Windows
+from limen.view import GUARD_PX, Windows
 from limen.viewer import Viewer
 
 __all__ = ["STEREOS", "SceneRenderer", "SceneReport", "Stereo"]
@@ -46,6 +47,12 @@ class SceneReport:
     triangles: int
     sort_ms: float
     draw_ms: float
+
+    @classmethod
+    def of(cls, quilts: Sequence[SceneReport]) -> SceneReport:
+        """One report for all quilts of a frame."""
+        parts = ("panels_active", "triangles", "sort_ms", "draw_ms")
+        return cls(quilts[0].time_s, *(sum(getattr(report, part) for report in quilts) for part in parts))
 
 
 class _Drawn(NamedTuple):
@@ -129,7 +136,7 @@ class SceneRenderer:
         """
         chosen = [quilt] if quilt else self.quilts
         drawn = [self._draw(each, viewer, overlay, target, target_format) for each in chosen]
-        return _total([each.report for each in drawn])
+        return SceneReport.of([each.report for each in drawn])
 
     def pictures(
         self, viewer: Viewer, *, overlay: SceneOverlay | None = None
@@ -167,14 +174,27 @@ class SceneRenderer:
         InputError
             For two eyes side by side or after each other, which no one camera sees.
         """
-        if self.stereo not in ("none", "anaglyph"):
-            raise InputError(f"'{self.stereo}' shows two pictures at once; simulate it with 'none' or 'anaglyph'")
-        textures = [self._draw(quilt, viewer, overlay).texture for quilt in self.quilts]
-        lit = LitDisplay(self._device, self.display, self.quilts)
+        textures, _ = self.lit_for(viewer, overlay=overlay)
+        lit = LitDisplay(self._device, self.display, self.quilts, guard_px=GUARD_PX)
         try:
             return [lit.read(lit.draw(textures, camera)) for camera in cameras]
         finally:
             lit.destroy()
+
+    def lit_for(self, viewer: Viewer, *, overlay: SceneOverlay | None = None) -> tuple[list[Any], SceneReport]:
+        """The textures of all quilts as they are lit for a viewer; valid until the next frame.
+
+        Raises
+        ------
+        InputError
+            For two eyes side by side or after each other, which no one camera sees.
+        DeviceLimitError
+            If the quilts do not fit the adapter's memory at once.
+        """
+        if self.stereo not in ("none", "anaglyph"):
+            raise InputError(f"'{self.stereo}' shows two pictures at once; simulate it with 'none' or 'anaglyph'")
+        drawn = [self._draw(quilt, viewer, overlay, keep=True) for quilt in self.quilts]
+        return [each.texture for each in drawn], SceneReport.of([each.report for each in drawn])
 
     def close(self) -> None:
         """Free the GPU memory; the device stays open."""
@@ -198,7 +218,10 @@ class SceneRenderer:
         overlay: SceneOverlay | None,
         target: Any = None,
         target_format: str = "rgba8unorm-srgb",
+        *,
+        keep: bool = False,
     ) -> _Drawn:
+        """``keep``: in a texture of its own, that other quilts of the same size do not draw over."""
         begin = time.perf_counter()
         windows = self._windows.get(quilt)
         if windows is None:
@@ -208,11 +231,12 @@ class SceneRenderer:
         triangles = self._layer.sort(windows, eyes_m, self.room_from_mesh, forward=forward)
         sorted_at = time.perf_counter()
         direct = target if self._anaglyph is None else None
+        slot = list(self.quilts).index(quilt) if keep else 0
         texture = self._layer.draw(
-            windows, depth=self._depth, overlay=overlay, target=direct, target_format=target_format
+            windows, depth=self._depth, overlay=overlay, target=direct, target_format=target_format, slot=slot
         )
         if self._anaglyph is not None:
-            texture = self._anaglyph.draw(texture, target=target, target_format=target_format)
+            texture = self._anaglyph.draw(texture, target=target, target_format=target_format, slot=slot)
         active = int(windows.seen_from(eyes_m[0]).facing.sum())
         clock = (sorted_at - begin, time.perf_counter() - sorted_at)
         return _Drawn(quilt, texture, SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3))
@@ -223,13 +247,3 @@ class SceneRenderer:
         eyes = viewer.eyes_m
         return eyes if len(eyes) == 2 else np.repeat(eyes, 2, axis=0)
 
-
-def _total(reports: Sequence[SceneReport]) -> SceneReport:
-    """One report for all quilts of a frame."""
-    return SceneReport(
-        reports[0].time_s,
-        sum(report.panels_active for report in reports),
-        sum(report.triangles for report in reports),
-        sum(report.sort_ms for report in reports),
-        sum(report.draw_ms for report in reports),
-    )

@@ -160,7 +160,7 @@ def test_where_there_is_no_room_it_is_made(device: Any) -> None:
 def test_two_eyes_at_once_see_what_each_sees_alone(device: Any) -> None:
     display, eye = DISPLAYS["stairs"]
     positions, triangles = soup(np.random.default_rng(4), 300, 0.1, (0, 1.2, -0.5), 0.4)
-    eyes = [np.array(eye) - [0.2, 0, 0], np.array(eye) + [0.2, 0, 0]]
+    eyes = np.array(eye) + np.array([[-0.2, 0, 0], [0.2, 0, 0]])
     both, *_ = gpu_pairs(device, display, eyes, positions, triangles)
     for seen, one in zip(both, eyes, strict=True):
         (alone,), *_ = gpu_pairs(device, display, one, positions, triangles)

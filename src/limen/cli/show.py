@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import msgspec
 import numpy as np
 from cyclopts import Parameter
 
@@ -21,41 +20,30 @@ from limen.cli.arguments import (
     place,
 )
 from limen.cli.output import DEFAULT, Common, Output
-from limen.data.image import Image, open_image
+from limen.cli.show_image import image_row, print_image_rows, write_image_frames
+from limen.cli.show_mesh import MESH_DEFAULT, MeshOptions, mesh_row, print_mesh_rows, write_mesh_frames
+from limen.data.image import Image
+from limen.data.mesh import Mesh
+from limen.data.opening import open_content
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.frame import FrameReport, Renderer
-from limen.gpu.device import open_device
 from limen.live import LiveSettings, Tour, run_live
+from limen.live_scene import run_live_scene
 from limen.placement import OnSurface
-from limen.present.file import write_picture
-from limen.present.room import draw_room, draw_surface
-from limen.select.image import select
-from limen.tolerance import Policy, tolerance_of
+from limen.tolerance import Policy
 from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
 from limen.viewer import Viewer
 
 __all__ = ["show"]
 
-
-class FrameRow(msgspec.Struct):
-    time_s: float
-    policy: str
-    panels_active: int
-    pages: int
-    missing: int
-    triangles: int
-    splats: int
-    max_error_px: float
-    select_ms: float
-    stream_ms: float
-    draw_ms: float
-    files: list[str]
+_STEP_S = 0.25  # between frames of a viewer who stands
 
 
 def show(
-    content: Annotated[Path, Parameter(help="An image: a pyramid of any size, or anything smaller.")],
+    content: Annotated[
+        Path, Parameter(help="An image (a pyramid of any size, or anything smaller), or a mesh (PLY, OBJ, glTF, STL, ...).")
+    ],
     /,
     *,
     display: DisplayOption = "",
@@ -67,20 +55,31 @@ def show(
     policy: PolicyOption = "acuity",
     acuity_arcmin: AcuityOption = "human",
     fit: FitOption = "contain",
-    overlay: Annotated[Literal["none", "levels"], Parameter(help="levels: tint by the level drawn.")] = "none",
+    overlay: Annotated[
+        Literal["none", "levels", "panels"],
+        Parameter(help="levels: tint an image by the level drawn. panels: tint a mesh by the panel that shows it."),
+    ] = "none",
     out: Annotated[Path | None, Parameter(help="Write pictures into this folder instead of opening a window.")] = None,
     frames: Annotated[int, Parameter(help="With --out: how many moments, spread over the session.")] = 1,
     scale: Annotated[float, Parameter(help="With --out: draw panels with fewer pixels (0.125: an eighth).")] = 1.0,
     picture_format: Annotated[Literal["jpg", "png"], Parameter(name="--format")] = "jpg",
     simulate: Annotated[
-        bool, Parameter(negative="", help="With --out: also draw the room and the unrolled wall.")
+        bool,
+        Parameter(
+            negative="",
+            help="With --out: also draw the room and, of an image, the unrolled wall, of a mesh, what the viewer's eye "
+            "sees of the lit display, and what is seen from elsewhere.",
+        ),
     ] = False,
     seconds: Annotated[float | None, Parameter(help="Close the window after this long.")] = None,
+    mesh: MeshOptions = MESH_DEFAULT,
     common: Common = DEFAULT,
 ) -> None:
     """Draw content on a display: a window, or files with --out.
 
-    Without --display, a window shows the image as a viewer does: drag to move, wheel to zoom.
+    Without --display, a window shows an image as a viewer does (drag to move, wheel to zoom), and a mesh as if it stood
+    behind the window (drag to turn it). With --display, it shows the unrolled wall, and of a mesh what the viewer's
+    eye sees of the lit display.
     """
     out_stream = Output(common)
     if frames < 1:
@@ -88,20 +87,37 @@ def show(
     if session and viewer:
         raise InputError("give --session or --viewer, not both")
     chosen = Policy.parse(policy, acuity_arcmin)
-    with open_image(content) as image:
+    opened = open_content(content)
+    kind = "levels" if isinstance(opened, Image) else "panels"
+    if overlay not in ("none", kind):
+        raise InputError(f"--overlay {overlay} is not for a {opened.kind}: it takes {kind}")
+    shown = chosen_panels(display, panels) if display else None
+    if isinstance(opened, Mesh):
+        if out is None:
+            tour = _tour(shown, session, "") if shown and session else _stander(shown, viewer)
+            run_live_scene(opened, shown, tour, mesh.live(overlay == "panels", seconds), out_stream.say)
+            out_stream.result({"frames": []})
+            return
+        shown = (shown or Display.named("desktop")).scaled(scale)
+        drawn = write_mesh_frames(out_stream, opened, shown, _moments(shown, session, viewer, frames), mesh, out,
+                                  picture_format, overlay=overlay == "panels", simulate=simulate)  # fmt: skip
+        rows = [mesh_row(report, files) for report, files in drawn]
+        print_mesh_rows(out_stream, rows, out)
+        out_stream.result({"frames": rows})
+        return
+    with opened as image:
         if out is None:
             settings = LiveSettings(policy=chosen, fit=fit, overlay=overlay == "levels", seconds=seconds)
-            shown = chosen_panels(display, panels) if display else None
             last = run_live(image, shown, _tour(shown, session, viewer) if shown else None, settings, out_stream.say)
-            out_stream.result({"frames": [_row(last, [])] if last else []})
+            out_stream.result({"frames": [image_row(last, [])] if last else []})
             return
-        shown = chosen_panels(display or "desktop", panels)
-        moments = _moments(shown, session, viewer, frames)
+        shown = shown or Display.named("desktop")
         rows = list(
-            _write_frames(out_stream, image, shown, moments, chosen, OnSurface(fit), out, picture_format,
-                          scale=scale, overlay=overlay == "levels", simulate=simulate)
+            write_image_frames(out_stream, image, shown, _moments(shown, session, viewer, frames), chosen,
+                               OnSurface(fit), out, picture_format, scale=scale, overlay=overlay == "levels",
+                               simulate=simulate)
         )  # fmt: skip
-    _print(out_stream, rows, out)
+    print_image_rows(out_stream, rows, out)
     out_stream.result({"frames": rows})
 
 
@@ -110,84 +126,20 @@ def _tour(display: Display, session: str, viewer: str) -> Tour:
     if session:
         recorded = session_named(session, display)
         return lambda time_s: recorded.at(recorded.start_s + time_s % recorded.duration_s)
-    person = Viewer(place(viewer, "--viewer")) if viewer else standing_viewer(display)
-    return lambda time_s: (person,)
+    person = _stander(display, viewer)
+    return lambda time_s: (replace(person, time_s=time_s),)
+
+
+def _stander(display: Display | None, viewer: str) -> Viewer:
+    if viewer:
+        return Viewer(place(viewer, "--viewer"))
+    return standing_viewer(display) if display else Viewer((0.0, 0.0, 0.0))
 
 
 def _moments(display: Display, session: str, viewer: str, frames: int) -> list[Sequence[Viewer]]:
+    tour = _tour(display, session, viewer)
     if not session:
-        return [_tour(display, "", viewer)(0.0)] * frames
+        return [tour(number * _STEP_S) for number in range(frames)]
     recorded = session_named(session, display)
     times_s = recorded.start_s + np.linspace(0, recorded.duration_s, frames + 2)[1:-1]
     return [recorded.at(float(time_s)) for time_s in times_s]
-
-
-def _write_frames(
-    out: Output,
-    image: Image,
-    display: Display,
-    moments: Sequence[Sequence[Viewer]],
-    policy: Policy,
-    placement: OnSurface,
-    folder: Path,
-    suffix: str,
-    *,
-    scale: float,
-    overlay: bool,
-    simulate: bool,
-) -> Iterator[FrameRow]:
-    shown = display if scale == 1.0 else display.scaled(scale)
-    with open_device() as device, Renderer(device, shown, image, placement) as renderer:
-        total = len(moments) * len(display.panels)
-        with out.progress("drawing panels", total) as step:
-            for number, viewers in enumerate(moments):
-                target = folder / f"frame-{number:04d}"
-                cut = select(renderer.view, tolerance_of(viewers, policy))
-                files, pictures, reports = [], {}, []
-                drawn = renderer.pictures(viewers, policy, overlay="levels" if overlay else None)
-                for name, picture, report in drawn:
-                    files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
-                    reports.append(report)
-                    if simulate:
-                        pictures[name] = _small(picture)
-                    step(1)
-                if simulate:
-                    room = draw_room(display, pictures=pictures, viewers=viewers)
-                    files.append(str(write_picture(target / f"room.{suffix}", room)))
-                    files.append(str(write_picture(target / f"surface.{suffix}", draw_surface(display, pictures))))
-                yield _summary(reports, len(cut), cut.error_px, files)
-
-
-def _small(picture: Any, width_px: int = 160) -> Any:
-    """Every n-th pixel is enough for a picture of the room."""
-    step = max(1, picture.shape[1] // width_px)
-    return picture[::step, ::step].copy()
-
-
-def _summary(reports: Sequence[FrameReport], pages: int, error_px: float, files: list[str]) -> FrameRow:
-    """One row for all quilts of a frame (a report comes with every panel; those of one quilt are one object)."""
-    quilts = list({id(report): report for report in reports}.values())
-    row = _row(quilts[0], files)
-    row.panels_active = sum(report.panels_active for report in quilts)
-    row.pages, row.max_error_px = pages, error_px
-    for part in ("select_ms", "stream_ms", "draw_ms"):
-        setattr(row, part, sum(getattr(report, part) for report in quilts))
-    return row
-
-
-def _row(report: FrameReport, files: list[str]) -> FrameRow:
-    fields = {key: value for key, value in asdict(report).items() if key in FrameRow.__struct_fields__}
-    return FrameRow(**fields, triangles=0, splats=0, files=files)
-
-
-def _print(out: Output, rows: Sequence[FrameRow], folder: Path) -> None:
-    columns = ["time s", "policy", "panels", "pages", "error px", "select ms", "stream ms", "draw ms", "files"]
-    cells = [
-        (
-            f"{row.time_s:.2f}", row.policy, row.panels_active, row.pages, f"{row.max_error_px:.1f}",
-            f"{row.select_ms:.1f}", f"{row.stream_ms:.0f}", f"{row.draw_ms:.0f}", len(row.files),
-        )
-        for row in rows
-    ]  # fmt: skip
-    out.table("", columns, cells)
-    out.line(f"pictures: {folder}")

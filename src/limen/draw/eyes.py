@@ -28,12 +28,15 @@ class Anaglyph:
             ]
         )
         self._pipelines: dict[str, Any] = {}
-        self._targets: dict[tuple[int, int], Any] = {}
+        self._targets: dict[tuple[tuple[int, int], int], Any] = {}
 
-    def draw(self, both: Any, *, target: Any = None, target_format: str = "rgba8unorm-srgb") -> Any:
-        """One picture half as wide as ``both``, the texture with both eyes; into ``target`` where one is given."""
+    def draw(self, both: Any, *, target: Any = None, target_format: str = "rgba8unorm-srgb", slot: int = 0) -> Any:
+        """One picture half as wide as ``both``, the texture with both eyes; into ``target`` where one is given.
+
+        Pictures of one size are drawn over each other, unless they are given a ``slot`` each.
+        """
         device = self._device.wgpu
-        texture = None if target is not None else self._target((both.size[0] // 2, both.size[1]), target_format)
+        texture = None if target is not None else self._target((both.size[0] // 2, both.size[1]), slot, target_format)
         group = device.create_bind_group(layout=self._layout, entries=[{"binding": 0, "resource": both.create_view()}])
         encoder = device.create_command_encoder(label="anaglyph")
         view = texture.create_view() if texture is not None else target
@@ -53,13 +56,14 @@ class Anaglyph:
         self._targets.clear()
         self._pipelines.clear()
 
-    def _target(self, size_px: tuple[int, int], target_format: str) -> Any:
-        if size_px not in self._targets:
+    def _target(self, size_px: tuple[int, int], slot: int, target_format: str) -> Any:
+        key = (size_px, slot)
+        if key not in self._targets:
             usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
-            self._targets[size_px] = self._device.wgpu.create_texture(
+            self._targets[key] = self._device.wgpu.create_texture(
                 label="anaglyph", size=(*size_px, 1), format=target_format, usage=usage
             )
-        return self._targets[size_px]
+        return self._targets[key]
 
     def _pipeline(self, target_format: str) -> Any:
         if target_format not in self._pipelines:

@@ -75,7 +75,7 @@ class SceneLayer:
         )  # fmt: skip
         self._layout = self._bind_group_layout()
         self._pipelines: dict[tuple[str, Depth, SceneOverlay | None], Any] = {}
-        self._targets: dict[tuple[tuple[int, int], str], Any] = {}
+        self._targets: dict[tuple[tuple[int, int], str, int], Any] = {}
         self._reader = TextureReader(device)
 
     def move(self, mesh: Mesh) -> None:
@@ -134,6 +134,7 @@ class SceneLayer:
         overlay: SceneOverlay | None = None,
         target: Any = None,
         target_format: str = QUILT_FORMAT,
+        slot: int = 0,
     ) -> Any:
         """Submit the second half of a frame: everything that `sort` found, in one draw.
 
@@ -146,14 +147,16 @@ class SceneLayer:
             ``panels`` tints every panel in a colour of its own.
         target
             A texture view to draw into (a window's), of ``target_format`` and the quilt's size for all eyes.
+        slot
+            Quilts of one size are drawn over each other, unless they are given numbers of their own.
 
         Returns
         -------
         texture
-            Valid until the next draw of a quilt of the same size; ``None`` with a ``target``.
+            Valid until the next draw of a quilt of the same size and slot; ``None`` with a ``target``.
         """
         size = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
-        texture = None if target is not None else self._target(size, target_format)
+        texture = None if target is not None else self._target(size, target_format, slot)
         view = texture.create_view() if texture is not None else target
         self._submit(view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
         return texture
@@ -197,8 +200,8 @@ class SceneLayer:
         render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
 
-    def _target(self, size_px: tuple[int, int], target_format: str) -> Any:
-        key = (size_px, target_format)
+    def _target(self, size_px: tuple[int, int], target_format: str, slot: int = 0) -> Any:
+        key = (size_px, target_format, slot)
         if key not in self._targets:
             usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
             self._targets[key] = self._device.wgpu.create_texture(

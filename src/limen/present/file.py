@@ -47,3 +47,9 @@ def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
     except OSError as error:
         raise StorageError(f"{path.parent}: cannot be made: {error.strerror}; choose another folder") from error
     return write_bytes(path, content)
+
+
+def thumbnail(picture: NDArray[np.uint8], width_px: int = 160) -> NDArray[np.uint8]:
+    """Every n-th pixel: enough for a picture of the room. Shape (h, w, ...), about ``width_px`` wide."""
+    step = max(1, picture.shape[1] // width_px)
+    return picture[::step, ::step].copy()

@@ -1,0 +1,104 @@
+"""``limen show`` for images: the pages that viewers can see, to files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import msgspec
+
+from limen.cli.output import Output
+from limen.data.image import Image
+from limen.display.display import Display
+from limen.frame import FrameReport, Renderer
+from limen.gpu.device import open_device
+from limen.placement import OnSurface
+from limen.present.file import thumbnail, write_picture
+from limen.present.room import draw_room, draw_surface
+from limen.select.image import select
+from limen.tolerance import Policy, tolerance_of
+from limen.viewer import Viewer
+
+__all__ = ["FrameRow", "image_row", "print_image_rows", "write_image_frames"]
+
+
+class FrameRow(msgspec.Struct):
+    time_s: float
+    policy: str
+    panels_active: int
+    pages: int
+    missing: int
+    triangles: int
+    splats: int
+    max_error_px: float
+    select_ms: float
+    stream_ms: float
+    draw_ms: float
+    files: list[str]
+
+
+def write_image_frames(
+    out: Output,
+    image: Image,
+    display: Display,
+    moments: Sequence[Sequence[Viewer]],
+    policy: Policy,
+    placement: OnSurface,
+    folder: Path,
+    suffix: str,
+    *,
+    scale: float,
+    overlay: bool,
+    simulate: bool,
+) -> Iterator[FrameRow]:
+    """Write what every panel shows, frame by frame."""
+    shown = display if scale == 1.0 else display.scaled(scale)
+    with open_device() as device, Renderer(device, shown, image, placement) as renderer:
+        total = len(moments) * len(display.panels)
+        with out.progress("drawing panels", total) as step:
+            for number, viewers in enumerate(moments):
+                target = folder / f"frame-{number:04d}"
+                cut = select(renderer.view, tolerance_of(viewers, policy))
+                files, pictures, reports = [], {}, []
+                drawn = renderer.pictures(viewers, policy, overlay="levels" if overlay else None)
+                for name, picture, report in drawn:
+                    files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
+                    reports.append(report)
+                    if simulate:
+                        pictures[name] = thumbnail(picture)
+                    step(1)
+                if simulate:
+                    room = draw_room(display, pictures=pictures, viewers=viewers)
+                    files.append(str(write_picture(target / f"room.{suffix}", room)))
+                    files.append(str(write_picture(target / f"surface.{suffix}", draw_surface(display, pictures))))
+                yield _summary(reports, len(cut), cut.error_px, files)
+
+
+def _summary(reports: Sequence[FrameReport], pages: int, error_px: float, files: list[str]) -> FrameRow:
+    """One row for all quilts of a frame (a report comes with every panel; those of one quilt are one object)."""
+    quilts = list({id(report): report for report in reports}.values())
+    row = image_row(quilts[0], files)
+    row.panels_active = sum(report.panels_active for report in quilts)
+    row.pages, row.max_error_px = pages, error_px
+    for part in ("select_ms", "stream_ms", "draw_ms"):
+        setattr(row, part, sum(getattr(report, part) for report in quilts))
+    return row
+
+
+def image_row(report: FrameReport, files: list[str]) -> FrameRow:
+    fields = {key: value for key, value in asdict(report).items() if key in FrameRow.__struct_fields__}
+    return FrameRow(**fields, triangles=0, splats=0, files=files)
+
+
+def print_image_rows(out: Output, rows: Sequence[FrameRow], folder: Path) -> None:
+    columns = ["time s", "policy", "panels", "pages", "error px", "select ms", "stream ms", "draw ms", "files"]
+    cells = [
+        (
+            f"{row.time_s:.2f}", row.policy, row.panels_active, row.pages, f"{row.max_error_px:.1f}",
+            f"{row.select_ms:.1f}", f"{row.stream_ms:.0f}", f"{row.draw_ms:.0f}", len(row.files),
+        )
+        for row in rows
+    ]  # fmt: skip
+    out.table("", columns, cells)
+    out.line(f"pictures: {folder}")

@@ -1,0 +1,157 @@
+"""``limen show`` for meshes: through the panels as through windows, to files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from cyclopts import Group, Parameter
+from numpy.typing import NDArray
+
+from limen.cli.arguments import place
+from limen.cli.output import Output
+from limen.cli.show_image import FrameRow
+from limen.data.mesh import Mesh
+from limen.display.display import Display
+from limen.draw.scene import Depth
+from limen.geometry import Floats
+from limen.gpu.device import open_device
+from limen.live_scene import Animation, SceneSettings, eye_camera, posed
+from limen.present.file import thumbnail, write_picture
+from limen.present.room import draw_room
+from limen.scene import SceneRenderer, SceneReport, Stereo
+from limen.viewer import Viewer
+
+__all__ = ["MESH_DEFAULT", "MeshOptions", "mesh_row", "print_mesh_rows", "write_mesh_frames"]
+
+_SEEN_PX = (1440, 1080)
+_ASIDE_DEG = 35.0
+
+
+@Parameter(name="*", group=Group("Meshes"))
+@dataclass(frozen=True, slots=True)
+class MeshOptions:
+    """Options of content that is a mesh."""
+
+    size_m: Annotated[
+        float | None, Parameter(help="Its largest extent in the room; fitted to the display if not given.")
+    ] = None
+    at: Annotated[
+        str,
+        Parameter(
+            allow_leading_hyphen=True, help="X,Y,Z of its middle, metres; inside or behind the display if not given."
+        ),
+    ] = ""
+    up: Annotated[Literal["y", "z"], Parameter(help="Which of the file's axes points up.")] = "y"
+    turn_deg: Annotated[float, Parameter(allow_leading_hyphen=True, help="Turned about the vertical.")] = 0.0
+    animate: Annotated[Animation, Parameter(help="Deform it, or turn it, over the session's time.")] = "none"
+    stereo: Annotated[
+        Stereo,
+        Parameter(
+            help="none: one eye. anaglyph: for red-cyan glasses. side-by-side: both eyes in one picture. sequential: "
+            "a picture for each eye."
+        ),
+    ] = "none"
+    depth: Annotated[
+        Depth, Parameter(help="panel: every panel's own, the faster. shared: the viewer camera's, on all panels.")
+    ] = "panel"
+    seen_from: Annotated[
+        str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")
+    ] = ""
+
+    def live(self, overlay: bool = False, seconds: float | None = None) -> SceneSettings:
+        """The options as a scene's settings."""
+        at_m = place(self.at, "--at") if self.at else None
+        return SceneSettings(
+            self.stereo, self.animate, overlay, seconds, self.size_m, at_m, self.up, self.turn_deg
+        )
+
+
+MESH_DEFAULT = MeshOptions()
+
+
+def write_mesh_frames(
+    out: Output,
+    mesh: Mesh,
+    display: Display,
+    moments: Sequence[Sequence[Viewer]],
+    options: MeshOptions,
+    folder: Path,
+    suffix: str,
+    *,
+    overlay: bool,
+    simulate: bool,
+) -> Iterator[tuple[SceneReport, list[str]]]:
+    """Write what every panel shows, frame by frame: the frame's report, and the files."""
+    settings = options.live(overlay)
+    with open_device() as device, SceneRenderer(
+        device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
+        depth=options.depth,
+    ) as renderer, out.progress("drawing panels", len(moments) * len(display.panels)) as step:  # fmt: skip
+        for number, viewers in enumerate(moments):
+            posed(renderer, mesh, settings, viewers[0].time_s)
+            target = folder / f"frame-{number:04d}"
+            files: list[str] = []
+            pictures: dict[str, NDArray[np.uint8]] = {}
+            reports: dict[int, SceneReport] = {}  # one for every quilt
+            for name, picture, report in renderer.pictures(viewers[0], overlay="panels" if overlay else None):
+                files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
+                reports[id(report)] = report
+                pictures[name.removesuffix("@left")] = thumbnail(picture)
+                step(1)
+            if simulate:
+                for name, seen in _simulated(renderer, viewers, options, pictures, overlay):
+                    files.append(str(write_picture(target / f"{name}.{suffix}", seen)))
+            yield SceneReport.of(list(reports.values())), files
+
+
+def _simulated(
+    renderer: SceneRenderer,
+    viewers: Sequence[Viewer],
+    options: MeshOptions,
+    pictures: dict[str, Any],
+    overlay: bool,
+) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """What the viewer sees of the lit display, what somebody sees from elsewhere, and the room."""
+    display, eye_m = renderer.display, np.array(viewers[0].position_m)
+    elsewhere = np.array(place(options.seen_from, "--seen-from")) if options.seen_from else _aside(eye_m, display)
+    cameras = [eye_camera(display, each, _SEEN_PX) for each in (eye_m, elsewhere)]
+    seen = renderer.seen(viewers[0], cameras, overlay="panels" if overlay else None)
+    yield from zip(("eye", "elsewhere"), seen, strict=True)
+    yield "room", draw_room(display, pictures=pictures, viewers=viewers)
+
+
+def _aside(eye_m: Floats, display: Display) -> Floats:
+    """Where the viewer would be a few steps on around the display."""
+    middle = display.bounds_m.mean(axis=0)
+    x, y, z = eye_m - middle
+    turn = math.radians(_ASIDE_DEG)
+    return np.asarray(
+        middle + [math.cos(turn) * x + math.sin(turn) * z, y, -math.sin(turn) * x + math.cos(turn) * z]
+    )
+
+
+def mesh_row(report: SceneReport, files: list[str]) -> FrameRow:
+    """A frame as ``--json`` tells it: nothing of a mesh is left out."""
+    return FrameRow(
+        time_s=report.time_s, policy="full", panels_active=report.panels_active, pages=0, missing=0,
+        triangles=report.triangles, splats=0, max_error_px=0.0, select_ms=report.sort_ms, stream_ms=0.0,
+        draw_ms=report.draw_ms, files=files,
+    )  # fmt: skip
+
+
+def print_mesh_rows(out: Output, rows: Sequence[FrameRow], folder: Path) -> None:
+    columns = ["time s", "panels", "triangles", "sort ms", "draw ms", "files"]
+    cells = [
+        (
+            f"{row.time_s:.2f}", row.panels_active, f"{row.triangles:,}", f"{row.select_ms:.1f}", f"{row.draw_ms:.1f}",
+            len(row.files),
+        )
+        for row in rows
+    ]  # fmt: skip
+    out.table("", columns, cells)
+    out.line(f"pictures: {folder}")

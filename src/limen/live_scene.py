@@ -1,0 +1,255 @@
+"""A live window onto a mesh: behind the window itself, or on a simulated display that somebody walks around."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from limen.camera import Camera
+from limen.data.mesh import Mesh
+from limen.data.mesh_sample import ripple
+from limen.display.display import Display
+from limen.display.quilt import Quilt
+from limen.draw.lit import LitDisplay
+from limen.geometry import Floats
+from limen.gpu.device import Device, open_device
+from limen.live import Tour
+from limen.placement import mesh_in_room
+from limen.present.window import Surface, open_canvas
+from limen.scene import SceneRenderer, SceneReport, Stereo
+from limen.view import GUARD_PX
+from limen.viewer import Viewer
+
+__all__ = ["Animation", "SceneSettings", "eye_camera", "posed", "run_live_scene"]
+
+Animation: TypeAlias = Literal["none", "ripple", "turn"]
+
+_SIZE = (1280, 800)
+_TURN_DEG_PER_S = 20.0
+_DRAG_DEG_PER_PX = 0.3
+_HELP = "o overlay   space pause   0 start   q close"
+_LIT_PX = 1 << 23
+"""Pixels of a simulated display in all: more are not seen in a window."""
+_WIDEST_DEG = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSettings:
+    """What the window shows at first, and where the mesh stands."""
+
+    stereo: Stereo = "none"
+    animate: Animation = "none"
+    overlay: bool = False
+    seconds: float | None = None
+    size_m: float | None = None
+    at_m: tuple[float, float, float] | None = None
+    up: Literal["y", "z"] = "y"
+    turn_deg: float = 0.0
+
+    def room_from_mesh(self, mesh: Mesh, display: Display, time_s: float = 0.0) -> Floats:
+        """Where the mesh stands at a time, shape (4, 4)."""
+        turned = self.turn_deg + (_TURN_DEG_PER_S * time_s if self.animate == "turn" else 0.0)
+        return mesh_in_room(mesh.bounds, display, size_m=self.size_m, at_m=self.at_m, up=self.up, turn_deg=turned)
+
+
+def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: float) -> None:
+    """Put the mesh in the pose that its animation has at a time."""
+    if settings.animate == "ripple":
+        renderer.move(ripple(mesh, time_s))
+    elif settings.animate == "turn":
+        renderer.room_from_mesh = settings.room_from_mesh(mesh, renderer.display, time_s)
+
+
+def eye_camera(display: Display, eye_m: Floats, size_px: tuple[int, int]) -> Camera:
+    """A camera at an eye that shows what it can of the panels that face it."""
+    facing = [panel for panel in display.panels if np.dot(eye_m - panel.centre_m, panel.normal) > 0]
+    corners = np.concatenate([panel.outline_m for panel in facing or display.panels])
+    ways = corners - eye_m
+    ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
+    forward = ways.mean(axis=0)
+    if np.linalg.norm(forward) < 0.2:  # all around the eye
+        forward = np.array([0.0, 0.0, -1.0])
+    forward = forward / np.linalg.norm(forward)
+    widest_deg = math.degrees(math.acos(min(1.0, max(-1.0, float((ways @ forward).min())))))
+    x, y, z = (float(value) for value in eye_m)
+    target = (x + float(forward[0]), y + float(forward[1]), z + float(forward[2]))
+    up = (0.0, 1.0, 0.0) if abs(forward[1]) < 0.99 else (0.0, 0.0, -1.0)
+    return Camera((x, y, z), target, size_px, min(max(2.1 * widest_deg, 1.0), _WIDEST_DEG), up)
+
+
+class LiveScene:
+    """The state of a window, changed by events and drawn frame by frame."""
+
+    def __init__(
+        self, device: Device, mesh: Mesh, display: Display | None, tour: Tour | Viewer, settings: SceneSettings
+    ) -> None:
+        self._device, self._mesh, self._tour, self._settings = device, mesh, tour, settings
+        self._simulated = None if display is None else _as_fine_as_seen(display)
+        self._overlay = settings.overlay
+        self._yaw_deg = self._pitch_deg = 0.0
+        self._nearer = 1.0
+        self._renderer: SceneRenderer | None = None
+        self._lit: LitDisplay | None = None
+        self._size_px = (0, 0)
+        self._dragging_from: tuple[float, float] | None = None
+        self._clock_s, self._last_s, self._paused = 0.0, 0.0, False
+        self.closed = False
+        self.last: SceneReport | None = None
+
+    def draw(self, surface: Surface) -> str:
+        """Draw one frame; returns the window's title."""
+        if surface.size_px != self._size_px:
+            self._resize(surface.size_px)
+        assert self._renderer is not None
+        if not self._paused:
+            self._clock_s += surface.time_s - self._last_s
+        self._last_s = surface.time_s
+        posed(self._renderer, self._mesh, self._settings, self._clock_s)
+        if self._simulated is None:
+            self._draw_window(surface)
+        else:
+            self._draw_display(surface)
+        assert self.last is not None
+        name = self._mesh.path.name if self._mesh.path else "mesh"
+        return f"{name}   {self.last.panels_active} panels, {self.last.triangles:,} triangles   {_HELP}"
+
+    def handle(self, event: dict[str, Any]) -> None:
+        match event["event_type"]:
+            case "key_down":
+                self._key(event["key"])
+            case "wheel":
+                self._nearer = min(max(self._nearer * 1.1 ** (event["dy"] / 100), 0.2), 5.0)
+            case "pointer_down":
+                self._dragging_from = (event["x"], event["y"])
+            case "pointer_up":
+                self._dragging_from = None
+            case "pointer_move" if self._dragging_from is not None:
+                x, y = self._dragging_from
+                self._dragging_from = (event["x"], event["y"])
+                self._yaw_deg += (event["x"] - x) * _DRAG_DEG_PER_PX
+                self._pitch_deg = min(max(self._pitch_deg + (event["y"] - y) * _DRAG_DEG_PER_PX, -85.0), 85.0)
+
+    def close(self) -> None:
+        for part in (self._renderer, self._lit):
+            if part is not None:
+                part.close() if isinstance(part, SceneRenderer) else part.destroy()
+        self._renderer = self._lit = None
+
+    def _key(self, key: str) -> None:
+        match key:
+            case "o":
+                self._overlay = not self._overlay
+            case " ":
+                self._paused = not self._paused
+            case "0":
+                self._yaw_deg = self._pitch_deg = 0.0
+                self._nearer = 1.0
+            case "q" | "Escape":
+                self.closed = True
+
+    def _resize(self, size_px: tuple[int, int]) -> None:
+        self._size_px = size_px
+        if self._simulated is not None and self._renderer is not None:
+            return
+        self.close()
+        display = self._simulated or Display.window(size_px)
+        self._renderer = SceneRenderer(
+            self._device, display, self._mesh, room_from_mesh=self._settings.room_from_mesh(self._mesh, display),
+            stereo=self._settings.stereo,
+        )  # fmt: skip
+        if self._simulated is not None:
+            self._lit = LitDisplay(self._device, display, self._renderer.quilts, guard_px=GUARD_PX)
+
+    def _draw_window(self, surface: Surface) -> None:
+        """The window is the display: the mesh, turned by dragging, stands behind it."""
+        assert self._renderer is not None
+        stood = self._settings.room_from_mesh(self._mesh, self._renderer.display, self._clock_s)
+        self._renderer.room_from_mesh = _about_middle(stood, self._mesh, self._turned(), 1 / self._nearer)
+        quilt = Quilt(surface.size_px, (0,), ((0, 0),))
+        viewer = Viewer((0.0, 0.0, 0.0), time_s=self._clock_s)
+        self.last = self._renderer.frame(
+            viewer, quilt=quilt, overlay="panels" if self._overlay else None,
+            target=surface.target, target_format=surface.target_format,
+        )  # fmt: skip
+
+    def _draw_display(self, surface: Surface) -> None:
+        """A simulated display, seen by the viewer that it is lit for; dragging leads the viewer around it."""
+        assert self._renderer is not None
+        assert self._lit is not None
+        assert self._simulated is not None
+        viewer = self._viewer(self._simulated)
+        textures, self.last = self._renderer.lit_for(viewer, overlay="panels" if self._overlay else None)
+        camera = eye_camera(self._simulated, np.array(viewer.position_m), surface.size_px)
+        samples = 1 if self._device.is_software else 2
+        self._lit.draw(
+            textures, camera, samples=samples, target=surface.target, target_format=surface.target_format
+        )
+
+    def _viewer(self, display: Display) -> Viewer:
+        if not isinstance(self._tour, Viewer):
+            return self._tour(self._clock_s)[0]
+        standing = self._tour
+        middle = display.bounds_m.mean(axis=0)
+        way = np.array(standing.position_m) - middle
+        if np.linalg.norm(way) < 0.3:  # in the middle of a room
+            return replace(standing, time_s=self._clock_s)
+        x, y, z = middle + self._turned().T @ way * self._nearer
+        place = (float(x), float(y), float(z))
+        look = (float(middle[0] - x), float(middle[1] - y), float(middle[2] - z))
+        return replace(standing, position_m=place, direction=look, time_s=self._clock_s)
+
+    def _turned(self) -> Floats:
+        """The rotation that dragging has made, shape (3, 3)."""
+        yaw, pitch = math.radians(self._yaw_deg), math.radians(self._pitch_deg)
+        about_y = np.array([[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]])
+        about_x = np.array([[1, 0, 0], [0, math.cos(pitch), -math.sin(pitch)], [0, math.sin(pitch), math.cos(pitch)]])
+        return np.asarray(about_x @ about_y)
+
+
+def _as_fine_as_seen(display: Display) -> Display:
+    return display.scaled(min(1.0, math.sqrt(_LIT_PX / display.total_px)))
+
+
+def _about_middle(room_from_mesh: Floats, mesh: Mesh, turn: Floats, scale: float) -> Floats:
+    """The same place for the mesh's middle, turned and scaled about it."""
+    middle = np.append(mesh.bounds.mean(axis=0), 1.0)
+    stood = room_from_mesh @ middle
+    matrix = np.array(room_from_mesh)
+    matrix[:3, :3] = turn @ matrix[:3, :3] * scale
+    matrix[:3, 3] = stood[:3] - matrix[:3, :3] @ middle[:3]
+    return matrix
+
+
+def run_live_scene(
+    mesh: Mesh, display: Display | None, tour: Tour | Viewer, settings: SceneSettings, say: Callable[[str], None]
+) -> SceneReport | None:
+    """Open a window and draw until it is closed; returns the last frame's report.
+
+    Parameters
+    ----------
+    display
+        Simulated: seen from the viewer's eye; ``None`` makes the window itself the display.
+    tour
+        Who looks at what time; or where the viewer stands at first, whom dragging leads around.
+    say
+        Told once what the keys do.
+    """
+    with open_device() as device:
+        canvas = open_canvas(device.wgpu, _SIZE, mesh.path.name if mesh.path else "mesh")
+        live = LiveScene(device, mesh, display, tour, settings)
+        say(f"keys: {_HELP}; drag to turn, wheel to come nearer")
+
+        def handle(event: dict[str, Any]) -> None:
+            live.handle(event)
+            if live.closed:
+                canvas.close()
+
+        try:
+            canvas.run(live.draw, handle, seconds=settings.seconds)
+        finally:
+            live.close()
+        return live.last
