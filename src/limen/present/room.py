@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
+from limen.camera import Camera
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
-from limen.geometry import Floats, Vec3
+from limen.geometry import Floats
 from limen.viewer import Viewer
 
-__all__ = ["Camera", "draw_quilts", "draw_room", "draw_surface"]
+__all__ = ["draw_quilts", "draw_room", "draw_surface"]
 
 Rgb = NDArray[np.uint8]
 
@@ -37,31 +37,6 @@ _WEDGE = (112, 86, 40)
 _PATH = (150, 112, 48)
 _TEXT = (214, 218, 224)
 _SUPERSAMPLE = 2
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A pinhole camera in the room: where it stands, what it looks at, half its vertical field of view."""
-
-    eye_m: Vec3
-    target_m: Vec3
-    half_fov_rad: float = math.radians(17)
-
-    def project(self, points_m: Floats, size_px: tuple[int, int]) -> tuple[Floats, Floats]:
-        """Pixels (..., 2) and depth (...) of room positions (..., 3)."""
-        forward = np.array(self.target_m) - np.array(self.eye_m)
-        forward = forward / np.linalg.norm(forward)
-        right = np.cross(forward, [0.0, 1.0, 0.0])
-        right = right / np.linalg.norm(right)
-        local = (np.asarray(points_m) - np.array(self.eye_m)) @ np.stack(
-            [right, np.cross(right, forward), forward], axis=1
-        )
-        scale = size_px[1] / 2 / math.tan(self.half_fov_rad)
-        depth = local[..., 2]
-        safe = np.maximum(depth, 1e-3)
-        x = size_px[0] / 2 + scale * local[..., 0] / safe
-        y = size_px[1] / 2 - scale * local[..., 1] / safe
-        return np.stack([x, y], axis=-1), depth
 
 
 def draw_room(
@@ -96,7 +71,7 @@ def draw_room(
     """
     large = (size_px[0] * _SUPERSAMPLE, size_px[1] * _SUPERSAMPLE)
     people = list(viewers)
-    camera = camera or _camera_for(display, people, large)
+    camera = camera.sized(large) if camera else _camera_for(display, people, large)
     canvas = Picture.new("RGB", large, _BACKGROUND)
     _draw_floor(ImageDraw.Draw(canvas), display, camera, large, people)
     if path_m is not None and len(path_m) > 1:
@@ -182,33 +157,7 @@ def _camera_for(display: Display, viewers: Sequence[Viewer], size_px: tuple[int,
         [math.sin(azimuth) * math.cos(elevation), math.sin(elevation), math.cos(azimuth) * math.cos(elevation)]
     )
     points = [panel.corners_m for panel in display.panels] + [np.array([viewer.position_m]) for viewer in viewers]
-    return _framed(np.concatenate(points), toward, size_px)
-
-
-def _framed(points_m: Floats, toward: Floats, size_px: tuple[int, int]) -> Camera:
-    """The camera on the ray ``toward`` that shows all points, centred, as large as the margin allows."""
-    target = points_m.mean(axis=0)
-    distance = float(np.linalg.norm(points_m.max(axis=0) - points_m.min(axis=0)))
-    right = np.cross([0.0, 1.0, 0.0], toward)
-    right = right / np.linalg.norm(right)
-    up = np.cross(toward, right)
-    allowed = np.array(size_px) * [0.9, 0.82]
-    for _ in range(12):
-        camera = Camera(_vec(target + toward * distance), _vec(target))
-        place, depth = camera.project(points_m, size_px)
-        if depth.min() < 0.2 * distance:
-            distance *= 1.5
-            continue
-        low, high = place.min(axis=0), place.max(axis=0)
-        metres_per_px = distance * math.tan(camera.half_fov_rad) / (size_px[1] / 2)
-        off = ((low + high) - np.array(size_px)) / 2 * metres_per_px
-        target = target + right * off[0] - up * off[1]
-        distance *= float(((high - low) / allowed).max()) ** 0.8
-    return camera
-
-
-def _vec(values: Floats) -> Vec3:
-    return (float(values[0]), float(values[1]), float(values[2]))
+    return Camera.framing(np.concatenate(points), toward, size_px)
 
 
 # ---------------------------------------------------------------------- what is drawn
@@ -219,7 +168,7 @@ def _draw_lit(
 ) -> Rgb:
     depth = np.full(canvas.shape[:2], np.inf)
     for panel in panels:
-        corners, distance = camera.project(panel.corners_m, size_px)
+        corners, distance = camera.project(panel.corners_m)
         if distance.min() <= 0.05:
             continue
         x0, y0 = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
@@ -270,7 +219,7 @@ def _draw_floor(
     margin = 0.15 if high[2] - low[2] > 1 else 1.6
     x0, z0 = np.floor(np.minimum(low, places.min(axis=0, initial=math.inf))[[0, 2]] * 2 - 2 * margin) / 2
     x1, z1 = np.ceil(np.maximum(high, places.max(axis=0, initial=-math.inf))[[0, 2]] * 2 + 2 * margin) / 2
-    outline, _ = camera.project(np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]), size_px)
+    outline, _ = camera.project(np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]))
     drawing.polygon([tuple(point) for point in outline], fill=_FLOOR)
     for x in np.arange(math.ceil(x0), x1 + 0.01):
         _line(drawing, camera, size_px, np.array([[x, 0, z0], [x, 0, z1]]), _FLOOR_LINE, _SUPERSAMPLE)
@@ -286,7 +235,7 @@ def _line(
     colour: tuple[int, int, int],
     width: int,
 ) -> None:
-    place, depth = camera.project(points_m, size_px)
+    place, depth = camera.project(points_m)
     if depth.min() > 0.05:
         drawing.line([tuple(point) for point in place], fill=colour, width=width, joint="curve")
 
@@ -313,7 +262,7 @@ def _draw_person(drawing: ImageDraw.ImageDraw, viewer: Viewer, camera: Camera, s
     """A figure as tall as the eyes are high, with a wedge on the floor that shows where the head points."""
     head = np.array(viewer.position_m)
     feet = head * [1, 0, 1]
-    (foot, top), depth = camera.project(np.array([feet, head]), size_px)
+    (foot, top), depth = camera.project(np.array([feet, head]))
     if depth.min() <= 0.05:
         return
     _draw_wedge(drawing, viewer, feet, camera, size_px)
@@ -342,7 +291,7 @@ def _draw_wedge(
     yaw = math.atan2(viewer.direction[0], viewer.direction[2])
     turns = np.radians(np.linspace(-15, 15, 7)) + yaw
     rim = feet + 1.1 * np.stack([np.sin(turns), np.zeros_like(turns), np.cos(turns)], axis=1)
-    place, depth = camera.project(np.concatenate([feet[None], rim]), size_px)
+    place, depth = camera.project(np.concatenate([feet[None], rim]))
     if depth.min() > 0.05:
         drawing.polygon([tuple(point) for point in place], fill=_WEDGE)
 
@@ -354,7 +303,7 @@ def _label(
     middle = corners.mean(axis=0)
     up = -np.array(panels[0].down)
     above = middle + up * (((corners - middle) @ up).max())
-    place, depth = camera.project(above, size_px)
+    place, depth = camera.project(above)
     if depth <= 0.05:
         return
     font = ImageFont.load_default(size=15 * _SUPERSAMPLE)
