@@ -20,7 +20,7 @@ from limen.gpu.device import Device, open_device
 from limen.live import Tour
 from limen.placement import mesh_in_room
 from limen.present.window import Surface, open_canvas
-from limen.scene import SceneRenderer, SceneReport, Stereo
+from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
 from limen.view import GUARD_PX
 from limen.viewer import Viewer
 
@@ -49,6 +49,7 @@ class SceneSettings:
     at_m: tuple[float, float, float] | None = None
     up: Literal["y", "z"] = "y"
     turn_deg: float = 0.0
+    background: tuple[float, float, float] = BACKGROUND
 
     def room_from_mesh(self, mesh: Mesh, display: Display, time_s: float = 0.0) -> Floats:
         """Where the mesh stands at a time, shape (4, 4)."""
@@ -159,7 +160,7 @@ class LiveScene:
         display = self._simulated or Display.window(size_px)
         self._renderer = SceneRenderer(
             self._device, display, self._mesh, room_from_mesh=self._settings.room_from_mesh(self._mesh, display),
-            stereo=self._settings.stereo,
+            stereo=self._settings.stereo, background=self._settings.background,
         )  # fmt: skip
         if self._simulated is not None:
             self._lit = LitDisplay(self._device, display, self._renderer.quilts, guard_px=GUARD_PX)
@@ -185,9 +186,7 @@ class LiveScene:
         textures, self.last = self._renderer.lit_for(viewer, overlay="panels" if self._overlay else None)
         camera = eye_camera(self._simulated, np.array(viewer.position_m), surface.size_px)
         samples = 1 if self._device.is_software else 2
-        self._lit.draw(
-            textures, camera, samples=samples, target=surface.target, target_format=surface.target_format
-        )
+        self._lit.draw(textures, camera, samples=samples, target=surface.target, target_format=surface.target_format)
 
     def _viewer(self, display: Display) -> Viewer:
         if not isinstance(self._tour, Viewer):

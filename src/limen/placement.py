@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,7 +187,7 @@ _FILLS = 0.8
 
 
 def mesh_in_room(
-    bounds: Floats,
+    bounds: NDArray[np.floating[Any]],
     display: Display,
     *,
     size_m: float | None = None,

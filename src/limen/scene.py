@@ -29,10 +29,13 @@ from limen.placement import mesh_in_room
 from limen.view import GUARD_PX, Windows
 from limen.viewer import Viewer
 
-__all__ = ["STEREOS", "SceneRenderer", "SceneReport", "Stereo"]
+__all__ = ["BACKGROUND", "STEREOS", "SceneRenderer", "SceneReport", "Stereo"]
 
 Stereo: TypeAlias = Literal["none", "anaglyph", "side-by-side", "sequential"]
 STEREOS: tuple[Stereo, ...] = get_args(Stereo)
+
+BACKGROUND = (0.006, 0.007, 0.01)
+"""Linear light of an empty scene: a dark slate, from which the display's shape still shows."""
 
 _QUILT_PX = 1 << 26
 """Pixels of one offscreen quilt: 268 MB, and as much for depth."""
@@ -78,6 +81,8 @@ class SceneRenderer:
         ``side-by-side``: pictures of twice the width. ``sequential``: two pictures, the left eye's first.
     depth
         See `limen.draw.scene.SceneLayer.draw`.
+    background
+        Linear light (red, green, blue) where nothing is drawn.
     max_quilt_px
         Most pixels drawn at once; a display that has more is drawn in several quilts.
 
@@ -96,6 +101,7 @@ class SceneRenderer:
         room_from_mesh: Floats | None = None,
         stereo: Stereo = "none",
         depth: Depth = "panel",
+        background: tuple[float, float, float] = BACKGROUND,
         max_quilt_px: int = _QUILT_PX,
         clip: bool = True,
     ) -> None:
@@ -105,15 +111,12 @@ class SceneRenderer:
         self.room_from_mesh = mesh_in_room(mesh.bounds, display) if room_from_mesh is None else room_from_mesh
         copies = 1 if stereo == "none" else 2
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
-        self.quilts: Sequence[Quilt] = display.quilts or pack(
-            display,
-            max_size_px=device.max_texture_px // copies,
-            max_px=max(max_quilt_px // copies, widest),
-            outlines=True,
+        self.quilts: Sequence[Quilt] = pack(
+            display, max_size_px=device.max_texture_px // copies, max_px=max(max_quilt_px // copies, widest)
         )
         self._windows = {quilt: Windows(display, quilt, copies) for quilt in self.quilts}
         self._device, self._mesh = device, mesh
-        self._layer = SceneLayer(device, mesh, clip=clip)
+        self._layer = SceneLayer(device, mesh, background=background, clip=clip)
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
         self._reader = TextureReader(device)
 
@@ -246,4 +249,3 @@ class SceneRenderer:
             return np.array([viewer.position_m])
         eyes = viewer.eyes_m
         return eyes if len(eyes) == 2 else np.repeat(eyes, 2, axis=0)
-

@@ -38,7 +38,9 @@ def plain(positions: Any, triangles: Any, colours: Any = (255, 255, 255, 255)) -
 
 def facing_panel(size_px: tuple[int, int] = (64, 48), **fields: Any) -> Display:
     """One panel of 0.64 x 0.48 m around the origin, looked at along -z."""
-    panel = Panel("only", size_px, (-0.32, 0.24, 0.0), (1, 0, 0), (0, -1, 0), (0.64 / size_px[0], 0.48 / size_px[1]), **fields)
+    panel = Panel(
+        "only", size_px, (-0.32, 0.24, 0.0), (1, 0, 0), (0, -1, 0), (0.64 / size_px[0], 0.48 / size_px[1]), **fields
+    )
     return Display("only", (panel,))
 
 
@@ -58,7 +60,9 @@ def draw(device: Any, mesh: Mesh, display: Display, eyes: Any, *, clip: bool = T
 
 
 def square(z: float, half: float = 1.0, colour: Any = (255, 255, 255, 255)) -> Mesh:
-    return plain([(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)], [(0, 1, 2), (0, 2, 3)], colour)
+    return plain(
+        [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)], [(0, 1, 2), (0, 2, 3)], colour
+    )
 
 
 def knot(display: Display, triangles: int = 20_000) -> Mesh:

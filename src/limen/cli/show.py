@@ -42,7 +42,8 @@ _STEP_S = 0.25  # between frames of a viewer who stands
 
 def show(
     content: Annotated[
-        Path, Parameter(help="An image (a pyramid of any size, or anything smaller), or a mesh (PLY, OBJ, glTF, STL, ...).")
+        Path,
+        Parameter(help="An image (a pyramid of any size, or anything smaller), or a mesh (PLY, OBJ, glTF, STL, ...)."),
     ],
     /,
     *,
@@ -88,9 +89,9 @@ def show(
         raise InputError("give --session or --viewer, not both")
     chosen = Policy.parse(policy, acuity_arcmin)
     opened = open_content(content)
-    kind = "levels" if isinstance(opened, Image) else "panels"
-    if overlay not in ("none", kind):
-        raise InputError(f"--overlay {overlay} is not for a {opened.kind}: it takes {kind}")
+    kind, tint = ("image", "levels") if isinstance(opened, Image) else ("mesh", "panels")
+    if overlay not in ("none", tint):
+        raise InputError(f"--overlay {overlay} is not for this {kind}: give --overlay {tint}")
     shown = chosen_panels(display, panels) if display else None
     if isinstance(opened, Mesh):
         if out is None:

@@ -16,14 +16,16 @@ from limen.cli.arguments import place
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.data.mesh import Mesh
+from limen.data.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.draw.scene import Depth
+from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import open_device
 from limen.live_scene import Animation, SceneSettings, eye_camera, posed
 from limen.present.file import thumbnail, write_picture
 from limen.present.room import draw_room
-from limen.scene import SceneRenderer, SceneReport, Stereo
+from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
 from limen.viewer import Viewer
 
 __all__ = ["MESH_DEFAULT", "MeshOptions", "mesh_row", "print_mesh_rows", "write_mesh_frames"]
@@ -59,6 +61,7 @@ class MeshOptions:
     depth: Annotated[
         Depth, Parameter(help="panel: every panel's own, the faster. shared: the viewer camera's, on all panels.")
     ] = "panel"
+    background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
     seen_from: Annotated[
         str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")
     ] = ""
@@ -66,12 +69,26 @@ class MeshOptions:
     def live(self, overlay: bool = False, seconds: float | None = None) -> SceneSettings:
         """The options as a scene's settings."""
         at_m = place(self.at, "--at") if self.at else None
+        background = _light_of(self.background) if self.background else BACKGROUND
         return SceneSettings(
-            self.stereo, self.animate, overlay, seconds, self.size_m, at_m, self.up, self.turn_deg
+            self.stereo, self.animate, overlay, seconds, self.size_m, at_m, self.up, self.turn_deg, background
         )
 
 
 MESH_DEFAULT = MeshOptions()
+
+
+def _light_of(colour: str) -> tuple[float, float, float]:
+    """Linear light of ``#rrggbb``."""
+    digits = colour.removeprefix("#")
+    try:
+        codes = np.array([int(digits[at : at + 2], 16) for at in (0, 2, 4)]) / 255.0
+    except ValueError:
+        codes = np.zeros(0)
+    if len(digits) != 6 or len(codes) != 3:
+        raise InputError(f"--background takes a colour as #rrggbb, got '{colour}'")
+    red, green, blue = (float(light) for light in linear_of_srgb(codes))
+    return (red, green, blue)
 
 
 def write_mesh_frames(
@@ -90,7 +107,7 @@ def write_mesh_frames(
     settings = options.live(overlay)
     with open_device() as device, SceneRenderer(
         device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
-        depth=options.depth,
+        depth=options.depth, background=settings.background,
     ) as renderer, out.progress("drawing panels", len(moments) * len(display.panels)) as step:  # fmt: skip
         for number, viewers in enumerate(moments):
             posed(renderer, mesh, settings, viewers[0].time_s)
@@ -130,9 +147,8 @@ def _aside(eye_m: Floats, display: Display) -> Floats:
     middle = display.bounds_m.mean(axis=0)
     x, y, z = eye_m - middle
     turn = math.radians(_ASIDE_DEG)
-    return np.asarray(
-        middle + [math.cos(turn) * x + math.sin(turn) * z, y, -math.sin(turn) * x + math.cos(turn) * z]
-    )
+    step = [math.cos(turn) * x + math.sin(turn) * z, y, -math.sin(turn) * x + math.cos(turn) * z]
+    return np.asarray(middle + np.array(step))
 
 
 def mesh_row(report: SceneReport, files: list[str]) -> FrameRow:

@@ -47,6 +47,8 @@ class SceneLayer:
     ----------
     mesh
         What is shown; `move` gives it other places every frame.
+    background
+        Linear light (red, green, blue) where nothing is drawn.
     clip
         Clip by distances where the adapter can; False cuts in the fragment stage, with the same picture.
     first_pairs
@@ -58,8 +60,17 @@ class SceneLayer:
         If the mesh is larger than a shader of this adapter can see.
     """
 
-    def __init__(self, device: Device, mesh: Mesh, *, clip: bool = True, first_pairs: int | None = None) -> None:
+    def __init__(
+        self,
+        device: Device,
+        mesh: Mesh,
+        *,
+        background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        clip: bool = True,
+        first_pairs: int | None = None,
+    ) -> None:
         self._device = device
+        self._background = (*background, 1.0)
         self.sorter = TriangleSorter(device, mesh.positions, mesh.triangles, first_pairs=first_pairs)
         self._has_holes = bool((mesh.colours[:, 3] < 128).any() or (mesh.textures[..., 3] < 128).any())
         self._clips = clip and device.can_clip and not self._has_holes
@@ -188,7 +199,7 @@ class SceneLayer:
         encoder = self._device.wgpu.create_command_encoder(label="scene")
         render_pass = encoder.begin_render_pass(
             color_attachments=[
-                {"view": view, "clear_value": (0.0, 0.0, 0.0, 1.0), "load_op": "clear", "store_op": "store"}
+                {"view": view, "clear_value": self._background, "load_op": "clear", "store_op": "store"}
             ],
             depth_stencil_attachment={
                 "view": depth_view, "depth_clear_value": 0.0, "depth_load_op": "clear", "depth_store_op": "store",
