@@ -129,7 +129,7 @@ class Windows:
         outline = np.zeros((len(panels), MAX_OUTLINE_CORNERS, 3))
         count = np.array([len(panel.lit_outline_px) for panel in panels], dtype=np.int64)
         for row, panel in zip(outline, panels, strict=True):
-            row[:] = _edges_px(panel.lit_outline_px + np.array(panel.nudge_px), self.guard_px)
+            row[:] = _edges_px(panel.lit_outline_px, self.guard_px)
         return _Lines(
             self.display.nudged_origin_m[chosen],
             right / pitch_m[:, :1],
