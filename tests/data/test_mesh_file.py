@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from PIL import Image as Picture
 from scipy.spatial import KDTree
 
@@ -283,3 +285,30 @@ def test_the_bunny(data_dir: Path) -> None:
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     along = np.einsum("ij,ij->i", faces, found.normals[found.triangles[:, 0]].astype(float))
     assert (along > 0).mean() > 0.999
+
+
+def whole_files() -> dict[str, bytes]:
+    """Small sound files of each kind; the GLB has a texture."""
+    plain = trimesh.Trimesh(PLACES, FACES, process=False)
+    files = {kind: plain.export(file_type=kind) for kind in ("ply", "obj", "off", "stl")}
+    files["glb"] = textured(chequer(8, 4, (200, 10, 10))).export(file_type="glb")
+    return {kind: content.encode() if isinstance(content, str) else bytes(content) for kind, content in files.items()}
+
+
+_WHOLE = whole_files()
+
+
+@given(st.sampled_from(sorted(_WHOLE)), st.data())
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_damaged_file_is_read_or_refused_but_never_breaks(tmp_path: Path, kind: str, data: st.DataObject) -> None:
+    content = bytearray(_WHOLE[kind])
+    for place in data.draw(st.lists(st.integers(0, len(content) - 1), max_size=20)):
+        content[place] = data.draw(st.integers(0, 255))
+    content = content[: data.draw(st.integers(1, len(content)))]
+    path = write(tmp_path / f"a.{kind}", bytes(content))
+    try:
+        told = open_mesh(path).info().path
+    except FormatError as error:
+        told = str(error)
+    assert told.startswith(str(path))
+    assert "\n" not in told

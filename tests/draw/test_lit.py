@@ -456,10 +456,27 @@ def test_cameras_of_several_sizes_take_turns(device: Any) -> None:
     layout = {"bytes_per_row": size[0] * 4, "rows_per_image": size[1]}
     device.wgpu.queue.write_texture({"texture": texture}, filled(display, quilts)[0], layout, (*size, 1))
     camera = SCENES["cube from outside"][1]
+    before = living()
     lit = LitDisplay(device, display, quilts)
     first = lit.read(lit.draw([texture], camera))
     lit.draw([texture], replace(camera, size_px=(64, 48)))
     lit.draw([texture], replace(camera, target_m=(9.0, 9.0, 9.0)), samples=1)
     np.testing.assert_array_equal(lit.read(lit.draw([texture], camera)), first)
     lit.destroy()
+    assert living() == before
     texture.destroy()
+
+
+def living() -> dict[str, int]:
+    """How many objects of each kind the adapter holds for us."""
+    import gc
+
+    import wgpu
+
+    gc.collect()
+    counts = wgpu.diagnostics.object_counts.get_dict()
+    return {
+        name: row["count"]
+        for name, row in counts.items()
+        if name in ("Buffer", "Texture", "BindGroupLayout", "RenderPipeline", "Sampler")
+    }

@@ -80,7 +80,7 @@ def open_mesh(path: str | Path) -> Mesh:
     kind = mesh_type(path)
     if kind is None:
         raise FormatError(f"{path}: is no mesh; name a file that ends in {', '.join(_NAMES)}")
-    parts = list(_parts(_scene(path, kind), linear=kind in _LINEAR_COLOURS))
+    parts = _read(path, kind)
     if not parts:
         raise FormatError(f"{path}: has no triangles: a point cloud or lines are no mesh; make a surface of it first")
     mesh = _joined(path, parts)
@@ -91,15 +91,16 @@ def open_mesh(path: str | Path) -> Mesh:
     return mesh
 
 
-def _scene(path: Path, kind: str) -> Any:
-    """A ``trimesh.Scene``; whatever a damaged file makes trimesh raise becomes one line."""
+def _read(path: Path, kind: str) -> list[_Part]:
+    """What trimesh makes of a file; whatever a damaged one makes it raise, or hand over, becomes one line."""
     import trimesh
 
     _check_length(path, kind)
     try:
         with path.open("rb") as file:
             resolver = trimesh.resolvers.FilePathResolver(str(path))
-            return trimesh.load_scene(file, file_type=kind, resolver=resolver, process=False)
+            scene = trimesh.load_scene(file, file_type=kind, resolver=resolver, process=False)
+        return list(_parts(scene, linear=kind in _LINEAR_COLOURS))
     except (ImportError, NotImplementedError) as error:
         missing = getattr(error, "name", None)
         cure = f"install the package {missing}" if missing else "convert it to PLY or GLB"
@@ -209,7 +210,8 @@ def _joined(path: Path, parts: list[_Part]) -> Mesh:
     for part in parts:
         if part.triangles.min() < 0 or part.triangles.max() >= len(part.positions):
             raise FormatError(f"{path}: a triangle names a vertex that is not there; export it again")
-    positions = np.concatenate([part.positions for part in parts]).astype(np.float32)
+    with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused
+        positions = np.concatenate([part.positions for part in parts]).astype(np.float32)
     triangles = np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=True)])
     layers, textures = _layers(path, parts)
     uv = [np.zeros((len(part.positions), 2)) if part.uv is None else part.uv * [1, -1] + [0, 1] for part in parts]
