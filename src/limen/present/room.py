@@ -17,7 +17,7 @@ from PIL import ImageDraw, ImageFont
 
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.geometry import Floats, Vec3
+from limen.geometry import Floats, Vec3, cross, normalised
 from limen.viewer import Viewer
 
 __all__ = ["Camera", "draw_room", "draw_surface"]
@@ -49,13 +49,10 @@ class Camera:
 
     def project(self, points_m: Floats, size_px: tuple[int, int]) -> tuple[Floats, Floats]:
         """Pixels (..., 2) and depth (...) of room positions (..., 3)."""
-        forward = np.array(self.target_m) - np.array(self.eye_m)
-        forward = forward / np.linalg.norm(forward)
-        right = np.cross(forward, [0.0, 1.0, 0.0])
-        right = right / np.linalg.norm(right)
-        local = (np.asarray(points_m) - np.array(self.eye_m)) @ np.stack(
-            [right, np.cross(right, forward), forward], axis=1
-        )
+        forward = normalised(_vec(np.array(self.target_m) - np.array(self.eye_m)), "view")
+        right = normalised(cross(forward, (0.0, 1.0, 0.0)), "right")
+        axes = np.array([right, cross(right, forward), forward])
+        local = (np.asarray(points_m) - np.array(self.eye_m)) @ axes.T
         scale = size_px[1] / 2 / math.tan(self.half_fov_rad)
         depth = local[..., 2]
         safe = np.maximum(depth, 1e-3)
@@ -104,9 +101,8 @@ def draw_room(
         _line(ImageDraw.Draw(canvas), camera, large, floor, _PATH, _SUPERSAMPLE)
     eye = np.array(camera.eye_m)
     # A room is looked into through its walls; of anything else, backs are seen as they are.
-    walls = {
-        name: panels for name, panels in display.grids().items() if not _from_outside(display) and _is_flat(panels)
-    }
+    room = not _from_outside(display)
+    walls = {name: panels for name, panels in display.grids().items() if room and _is_flat(panels)}
     shown = [p for p in display.panels if p.grid_name not in walls or np.dot(eye - p.centre_m, p.normal) > 0]
     canvas = Picture.fromarray(_draw_panels(np.asarray(canvas).copy(), shown, pictures or {}, camera, large))
     drawing = ImageDraw.Draw(canvas)
@@ -266,7 +262,7 @@ def _colours(panel: Panel, picture: Rgb | None, camera: Camera, place_px: Floats
 def _depth_in_outline(panel: Panel, place_px: Floats) -> Floats:
     """How far places on a panel's grid, (..., 2), lie inside its lit outline; metres, negative outside."""
     corners = panel.lit_outline_px * panel.pitch_m
-    edges = np.roll(corners, -1, axis=0) - corners
+    edges = np.concatenate([corners[1:], corners[:1]]) - corners
     inward = np.stack([-edges[:, 1], edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
     place = place_px * panel.pitch_m
     return np.asarray((place @ inward.T - (corners * inward).sum(axis=1)).min(axis=-1))
