@@ -62,4 +62,4 @@ def signed_area(corners: Floats) -> float:
     2.0
     """
     x, y = np.asarray(corners, dtype=float).T
-    return float(x @ np.roll(y, -1) - np.roll(x, -1) @ y) / 2
+    return float(x[:-1] @ y[1:] - x[1:] @ y[:-1] + x[-1] * y[0] - x[0] * y[-1]) / 2

@@ -11,10 +11,12 @@ from cyclopts import Parameter
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.partial import write_bytes
 from limen.display.display import Display
+from limen.display.packing import lit_fill, pack_outlines
 from limen.display.panel import Panel
-from limen.display.quilt import Quilt, fill, pack
+from limen.display.quilt import Quilt
 from limen.present.file import write_picture
-from limen.present.room import draw_quilts, draw_room
+from limen.present.quilts import draw_quilts
+from limen.present.room import draw_room
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, optimal_distance_m
 
 __all__ = ["display"]
@@ -36,7 +38,8 @@ class PanelRow(msgspec.Struct):
 class QuiltRow(msgspec.Struct):
     size_px: tuple[int, int]
     panels: int
-    fill: float
+    fill: float  # share that lies inside lit outlines
+    output: str
 
 
 class DisplayReport(msgspec.Struct):
@@ -52,11 +55,18 @@ class DisplayReport(msgspec.Struct):
 
 
 def display(
-    display: Annotated[str, Parameter(help="A preset's name or a display file (TOML).")],
+    display: Annotated[str, Parameter(help="A preset's name, a display file (TOML), or a mesh (OBJ, PLY, OFF, STL).")],
     /,
     *,
+    ppi: Annotated[float | None, Parameter(help="Pixels per inch of a mesh's panels.")] = None,
+    scale: Annotated[float | None, Parameter(help="Metres per unit of a mesh.")] = None,
+    inside: Annotated[bool, Parameter(negative="", help="Look at a mesh's panels from the other side.")] = False,
     quilt: Annotated[
-        bool, Parameter(negative="", help="Pack the panels of each node; --picture then draws that.")
+        bool,
+        Parameter(
+            negative="",
+            help="The display's quilts, or the panels of each node packed; --picture draws them, --to-toml keeps them.",
+        ),
     ] = False,
     picture: Annotated[Path | None, Parameter(help="Draw the room to this file (.png, .jpg).")] = None,
     to_toml: Annotated[Path | None, Parameter(help="Write the display with every panel spelled out.")] = None,
@@ -64,29 +74,33 @@ def display(
 ) -> None:
     """Check, list, draw or convert a display."""
     out = Output(common)
-    chosen = Display.named(display)
+    chosen = Display.named(display, ppi=ppi, scale=scale, inward=inside)
     report = _report(chosen)
     packed = _quilts(chosen) if quilt else []
     if quilt:
-        report.quilts = [QuiltRow(each.size_px, len(each.panels), fill(chosen, each)) for each in packed]
+        report.quilts = [
+            QuiltRow(each.size_px, len(each.panels), lit_fill(chosen, each), each.output) for each in packed
+        ]
     if picture is not None:
         write_picture(picture, draw_quilts(chosen, packed) if quilt else draw_room(chosen))
         report.picture = str(picture)
     if to_toml is not None:
-        write_bytes(to_toml, chosen.to_toml().encode())
+        write_bytes(to_toml, chosen.to_toml(packed or None).encode())
         report.toml = str(to_toml)
     _print(out, chosen, report)
     out.result(report)
 
 
 def _quilts(chosen: Display) -> list[Quilt]:
-    """The quilts of every node, within what the smallest common GPUs draw."""
+    """Those that the display's file names, or else of every node, within what the smallest common GPUs draw."""
+    if chosen.quilts:
+        return list(chosen.quilts)
     index = {panel.name: number for number, panel in enumerate(chosen.panels)}
     nodes = chosen.nodes.values()
     return [
         each
         for names in nodes
-        for each in pack(chosen, max_size_px=16_384, max_px=1 << 27, panels=[index[n] for n in names])
+        for each in pack_outlines(chosen, max_size_px=16_384, max_px=1 << 27, panels=[index[n] for n in names])
     ]
 
 
@@ -152,7 +166,8 @@ def _print(out: Output, chosen: Display, report: DisplayReport) -> None:
     out.table("", columns, rows)
     if report.quilts is not None:
         quilts = [
-            (f"{n}", f"{q.size_px[0]} x {q.size_px[1]}", q.panels, f"{q.fill:.1%}") for n, q in enumerate(report.quilts)
+            (q.output or f"{n}", f"{q.size_px[0]} x {q.size_px[1]}", q.panels, f"{q.fill:.1%}")
+            for n, q in enumerate(report.quilts)
         ]
         out.table("", ["quilt", "pixels", "panels", "fill"], quilts)
     width, height = report.surface_m

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -13,9 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.display import files
+from limen.display.entries import MeshEntry
+from limen.display.mapping import check_quilts, part_of_quilts
+from limen.display.meshfile import MESH_SUFFIXES
 from limen.display.panel import Panel
+from limen.display.quilt import Quilt
 from limen.errors import DisplayError, InputError
-from limen.geometry import Floats
+from limen.geometry import Floats, Vec3
 
 __all__ = ["Display", "PanelArrays", "Rect"]
 
@@ -54,23 +59,35 @@ class Rect(NamedTuple):
 class Display:
     """All panels of an installation.
 
+    Parameters
+    ----------
+    quilts
+        How the hardware wants the panels' pictures in images, where its owner says; empty if limen may pack them.
+
     Raises
     ------
     DisplayError
-        If there is no panel, or two panels share a name.
+        If there is no panel, two panels share a name, or the quilts cannot be (a panel is missing, reaches out of its
+        quilt, or lies over another).
     """
 
     name: str
     panels: tuple[Panel, ...]
     description: str = ""
+    quilts: tuple[Quilt, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.panels:
-            raise DisplayError(f"display '{self.name}' has no panels: add a [[grid]] or a [[panel]]")
+            raise DisplayError(f"display '{self.name}' has no panels: add a [[grid]], a [[panel]] or a [[mesh]]")
         names = [panel.name for panel in self.panels]
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise DisplayError(f"display '{self.name}': two panels are named '{twice}'")
+        if self.quilts:
+            try:
+                check_quilts(self, self.quilts)
+            except DisplayError as error:
+                raise DisplayError(f"display '{self.name}': {error}") from None
 
     @classmethod
     def preset(cls, name: str) -> Display:
@@ -103,8 +120,53 @@ class Display:
         return cls(*files.read(Path(path)))
 
     @classmethod
-    def named(cls, name_or_path: str) -> Display:
-        """A preset by its name, or a file by its path: what the command line takes."""
+    def from_mesh(
+        cls, path: str | Path, ppi: float, *, scale: float = 1.0, up: Vec3 = (0.0, 1.0, 0.0), inward: bool = False
+    ) -> Display:
+        """A panel for every face of a mesh file (OBJ, PLY, OFF, STL ...); a display file's ``[[mesh]]`` says more.
+
+        Parameters
+        ----------
+        ppi
+            Pixels per inch.
+        scale
+            Metres per unit of the mesh.
+        up
+            The mesh's upward direction; (0, 0, 1) where z points up.
+        inward
+            Panels are seen from where their corners run clockwise.
+
+        Raises
+        ------
+        InputError
+            If the resolution or the scale is not above 0.
+        MissingFileError, FormatError, DisplayError
+            If the file is not there, cannot be read, or has a face that cannot be a panel; the message names the face.
+        """
+        for what, value in (("pixels per inch", ppi), ("scale", scale)):
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{path}: {what} must be above 0, got {value}")
+        path = Path(path)
+        entry = MeshEntry(name=path.stem, file=path.name, ppi=ppi, scale=scale, up=up, facing="in" if inward else "out")
+        return cls(path.stem, tuple(files.mesh_panels(entry, path.parent)))
+
+    @classmethod
+    def named(
+        cls, name_or_path: str, *, ppi: float | None = None, scale: float | None = None, inward: bool = False
+    ) -> Display:
+        """A preset by its name, or a file by its path: what the command line takes.
+
+        ``ppi``, ``scale`` and ``inward`` are for mesh files, see `from_mesh`; these need the first.
+        """
+        if name_or_path.lower().endswith(MESH_SUFFIXES):
+            if ppi is None:
+                raise InputError(
+                    f"{name_or_path}: a mesh says nothing of pixels: give --ppi, or a display file with a [[mesh]] "
+                    f"(limen display {name_or_path} --ppi 100 --to-toml {Path(name_or_path).stem}.toml)"
+                )
+            return cls.from_mesh(name_or_path, ppi, scale=1.0 if scale is None else scale, inward=inward)
+        if ppi is not None or scale is not None or inward:
+            raise InputError(f"{name_or_path}: resolution, scale and side are for mesh files; a display has its own")
         if name_or_path in files.preset_names():
             return cls.preset(name_or_path)
         if name_or_path.endswith(".toml") or "/" in name_or_path or Path(name_or_path).exists():
@@ -125,9 +187,12 @@ class Display:
         )
         return cls("window", (panel,))
 
-    def to_toml(self) -> str:
-        """The display as a file that `load` reads back, every panel written out."""
-        return files.write(self.name, self.panels, self.description)
+    def to_toml(self, quilts: Sequence[Quilt] | None = None) -> str:
+        """The display as a file that `load` reads back, every panel written out.
+
+        ``quilts`` are written with it: by default its own, or such as `limen.display.packing.pack_outlines` made.
+        """
+        return files.write(self.name, self.panels, self.description, self.quilts if quilts is None else quilts)
 
     def select(self, globs: str | Iterable[str]) -> Display:
         """The panels whose names match any of the shell-style patterns, on the same surface.
@@ -138,16 +203,18 @@ class Display:
             If no panel matches.
         """
         patterns = [globs] if isinstance(globs, str) else list(globs)
-        chosen = tuple(panel for panel in self.panels if any(fnmatchcase(panel.name, pattern) for pattern in patterns))
+        names = [panel.name for panel in self.panels]
+        chosen = [row for row, name in enumerate(names) if any(fnmatchcase(name, pattern) for pattern in patterns)]
         if not chosen:
             raise InputError(
                 f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'"
             )
-        return self._part(chosen)
+        return self.part(chosen)
 
     def part(self, indices: Sequence[int]) -> Display:
         """Some of the panels, in the order given, on the same surface."""
-        return self._part(tuple(self.panels[index] for index in indices))
+        quilts = part_of_quilts(self.quilts, indices)
+        return self._part(tuple(self.panels[index] for index in indices), quilts)
 
     def cut_outs(self, cuts: Sequence[tuple[str, int, Rect]]) -> Display:
         """Rectangles of panels as panels of their own, hanging where they hang and showing what they show.
@@ -170,8 +237,9 @@ class Display:
             raise InputError(f"a preview's scale must lie above 0 and at most at 1, got {factor}")
         return self._part(tuple(_scaled(panel, factor) for panel in self.panels))
 
-    def _part(self, panels: tuple[Panel, ...]) -> Display:
-        return _Part(self.name, panels, self.description, self.surface, self.pitch_m)
+    def _part(self, panels: tuple[Panel, ...], quilts: tuple[Quilt, ...] = ()) -> Display:
+        """Other panels on the same surface. Previews and cut-outs are shown by no hardware, so they have no quilts."""
+        return _Part(self.name, panels, self.description, quilts, whole=self.surface, whole_pitch_m=self.pitch_m)
 
     @cached_property
     def arrays(self) -> PanelArrays:
@@ -205,8 +273,8 @@ class Display:
 
     @cached_property
     def bounds_m(self) -> Floats:
-        """Smallest and largest room coordinates of all panels, shape (2, 3)."""
-        corners = np.concatenate([panel.corners_m for panel in self.panels])
+        """Smallest and largest room coordinates of all panels' lit outlines, shape (2, 3)."""
+        corners = np.concatenate([panel.outline_m for panel in self.panels])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     @cached_property

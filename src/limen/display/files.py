@@ -4,98 +4,41 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import cache
 from importlib.resources import files as resource_files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Literal, NamedTuple
 
 import msgspec
 import tomli_w
-from msgspec import Meta, field
 
-from limen.display.grid import (
-    WHITE_CD_M2,
-    Falloff,
-    Gain,
-    Grid,
-    Luminance,
-    NotNegative,
-    Side,
-    panel_of_corners,
-    panels_of_grid,
-)
+from limen.display import shapes
+from limen.display.entries import Adjustment, DisplayFile, MeshEntry, PanelEntry, QuiltEntry, QuiltPanel, schema
+from limen.display.grid import panel_of_corners, panels_of_grid
+from limen.display.mesh import panels_of_mesh, room_from_mesh
+from limen.display.meshfile import read_mesh
 from limen.display.panel import Panel
+from limen.display.quilt import Quilt
 from limen.errors import DisplayError, FormatError, MissingFileError
+from limen.units import inch_to_m
 
-__all__ = ["DisplayFile", "preset_names", "preset_path", "read", "schema", "write"]
-
-
-Bezel = Annotated[NotNegative, Meta(description="Width of the dark frame around a panel's lit outline.")]
+__all__ = ["Content", "DisplayFile", "mesh_panels", "preset_names", "preset_path", "read", "schema", "write"]
 
 
-class PanelEntry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
-    """One panel by the room positions of its corners."""
+class Content(NamedTuple):
+    """What a display file says: the fields of a `limen.Display`."""
 
-    name: Annotated[str, Meta(min_length=1)]
-    size_px: Annotated[tuple[Side, Side], Meta(description="Width and height of the pixel grid.")]
-    corners_m: Annotated[
-        list[tuple[float, float, float]],
-        Meta(
-            description="Top left, top right, bottom right (and bottom left) corner of the pixel grid as seen.",
-            min_length=3,
-            max_length=4,
-        ),
-    ]
-    surface_m: Annotated[
-        tuple[float, float] | None,
-        Meta(description="Place of its top left corner on the unrolled surface. Default: right of what came before."),
-    ] = None
-    outline_px: Annotated[
-        list[tuple[float, float]],
-        Meta(
-            description="Corners of the lit polygon on the pixel grid: convex, at most eight. Default: the whole grid."
-        ),
-    ] = []
-    nudge_px: Annotated[tuple[float, float], Meta(description="Moves the picture on this panel (right, down).")] = (
-        0.0,
-        0.0,
-    )
-    node: Annotated[str, Meta(description="The machine that draws this panel.")] = ""
-    luminance_cd_m2: Luminance = None
-    gain: Gain = 1.0
-    falloff: Falloff = 0.0
-    bezel_mm: Bezel = 0.0
+    name: str
+    panels: tuple[Panel, ...]
+    description: str
+    quilts: tuple[Quilt, ...]
 
 
-class Adjustment(msgspec.Struct, forbid_unknown_fields=True):
-    """Corrections for panels by name."""
-
-    panels: Annotated[str, Meta(description="Shell-style pattern of panel names, e.g. 'front/3,*'.")]
-    nudge_px: tuple[float, float] | None = None
-    node: str | None = None
-    luminance_cd_m2: float | None = None
-    gain: Gain | None = None
-    falloff: Falloff | None = None
-    bezel_mm: Bezel | None = None
-
-
-class DisplayFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
-    """A display for limen: panels in one room frame (metres, right-handed, y up)."""
-
-    name: Annotated[str, Meta(min_length=1)]
-    description: str = ""
-    grids: list[Grid] = field(default_factory=list, name="grid")
-    panels: list[PanelEntry] = field(default_factory=list, name="panel")
-    adjustments: list[Adjustment] = field(default_factory=list, name="adjust")
-    luminance_cd_m2: Annotated[
-        float, Meta(description="Luminance of white, cd/m2, of all panels that say nothing else.")
-    ] = WHITE_CD_M2
-
-
-def read(path: Path) -> tuple[str, tuple[Panel, ...], str]:
-    """Name, panels and description from a display file.
+def read(path: Path) -> Content:
+    """What a display file says.
 
     Raises
     ------
@@ -110,14 +53,15 @@ def read(path: Path) -> tuple[str, tuple[Panel, ...], str]:
         raise FormatError(f"{path}: cannot be read as a text file: {error}") from None
     content = _parse(path, text)
     try:
-        panels = _panels(content)
+        panels = _panels(content, path.parent)
+        quilts = _quilts(content, panels)
     except DisplayError as error:
         raise DisplayError(f"{path}: {error}") from None
-    return content.name, panels, content.description
+    return Content(content.name, panels, content.description, quilts)
 
 
-def write(name: str, panels: tuple[Panel, ...], description: str = "") -> str:
-    """A display file with every panel written out."""
+def write(name: str, panels: tuple[Panel, ...], description: str = "", quilts: Sequence[Quilt] = ()) -> str:
+    """A display file with every panel written out, and where each lies in quilts."""
     entries = [
         PanelEntry(
             name=panel.name,
@@ -134,13 +78,19 @@ def write(name: str, panels: tuple[Panel, ...], description: str = "") -> str:
         )
         for panel in panels
     ]
-    content = DisplayFile(name=name, description=description, panels=entries)
+    mapping = [
+        QuiltEntry(
+            size_px=quilt.size_px,
+            panels=[
+                QuiltPanel(panels[index].name, offset, _degrees(turn))
+                for index, offset, turn in zip(quilt.panels, quilt.offsets_px, quilt.quarter_turns, strict=True)
+            ],
+            output=quilt.output,
+        )
+        for quilt in quilts
+    ]
+    content = DisplayFile(name=name, description=description, panels=entries, quilts=mapping)
     return tomli_w.dumps(msgspec.to_builtins(content))
-
-
-def schema() -> dict[str, Any]:
-    """JSON Schema of a display file; ``display.schema.json`` beside this module is this, written out."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(DisplayFile)}
 
 
 @cache
@@ -180,7 +130,7 @@ def _line_of(text: str, where: str, message: str) -> int:
     index = next((int(number) for _, number in parts if number), 0)
     lines = text.splitlines()
     start, end = 0, len(lines)
-    if keys and keys[0] in ("grid", "panel", "adjust"):
+    if keys and keys[0] in ("grid", "panel", "mesh", "adjust", "quilt"):
         tables = [number for number, line in enumerate(lines) if re.match(rf"\s*\[\[\s*{keys[0]}\s*\]\]", line)]
         if index < len(tables):
             start = tables[index]
@@ -193,9 +143,9 @@ def _line_of(text: str, where: str, message: str) -> int:
     return start + 1
 
 
-def _panels(content: DisplayFile) -> tuple[Panel, ...]:
-    if not (content.grids or content.panels):
-        raise DisplayError("no panels: add a [[grid]] or a [[panel]]")
+def _panels(content: DisplayFile, folder: Path = Path()) -> tuple[Panel, ...]:
+    if not (content.grids or content.panels or content.meshes):
+        raise DisplayError("no panels: add a [[grid]], a [[panel]] or a [[mesh]]")
     panels: list[Panel] = []
     edge = 0.0  # where the next wall begins on the unrolled surface
     for grid in content.grids:
@@ -219,6 +169,9 @@ def _panels(content: DisplayFile) -> tuple[Panel, ...]:
             )
         )
         edge = max(edge, panels[-1].surface_m[0] + panels[-1].size_m[0])
+    for mesh in content.meshes:
+        panels += mesh_panels(mesh, folder, surface_left_m=edge, luminance_cd_m2=content.luminance_cd_m2)
+        edge = max(panel.surface_m[0] + panel.size_m[0] for panel in panels)
     return tuple(_adjusted(panel, content.adjustments) for panel in panels)
 
 
@@ -231,3 +184,62 @@ def _adjusted(panel: Panel, adjustments: list[Adjustment]) -> Panel:
                 given["bezel_m"] = adjustment.bezel_mm / 1000
             panel = replace(panel, **given)
     return panel
+
+
+def mesh_panels(
+    entry: MeshEntry, folder: Path, *, surface_left_m: float = 0.0, luminance_cd_m2: float = 100.0
+) -> list[Panel]:
+    """The panels of a mesh; ``folder`` is where its file is looked for.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        If its file is not there or cannot be read.
+    DisplayError
+        If it does not say what to show and how finely, exactly once, or a face cannot be a panel.
+    """
+    what = f"mesh '{entry.name}'"
+    if bool(entry.file) == bool(entry.shape):
+        raise DisplayError(f"{what}: give a file or a shape, and not both")
+    if (entry.ppi is None) == (entry.pitch_mm is None):
+        raise DisplayError(f"{what}: give its resolution, as exactly one of ppi and pitch_mm")
+    pitch_m = inch_to_m(1) / entry.ppi if entry.ppi is not None else (entry.pitch_mm or 0.0) / 1000
+    if entry.parameters and not entry.shape:
+        raise DisplayError(f"{what}: parameters are those of a shape, and this is a file")
+    mesh = shapes.shape(entry.shape, **entry.parameters) if entry.shape else read_mesh(folder / entry.file)
+    return panels_of_mesh(
+        room_from_mesh(mesh, scale=entry.scale, up=entry.up, centre_m=entry.centre_m),
+        entry.name,
+        pitch_m,
+        inward=entry.facing == "in",
+        bezel_m=entry.bezel_mm / 1000,
+        surface_left_m=surface_left_m,
+        node=entry.node,
+        luminance_cd_m2=luminance_cd_m2 if entry.luminance_cd_m2 is None else entry.luminance_cd_m2,
+        gain=entry.gain,
+        falloff=entry.falloff,
+    )
+
+
+def _quilts(content: DisplayFile, panels: tuple[Panel, ...]) -> tuple[Quilt, ...]:
+    index = {panel.name: number for number, panel in enumerate(panels)}
+    quilts = []
+    for number, entry in enumerate(content.quilts):
+        for each in entry.panels:
+            if each.name not in index:
+                raise DisplayError(f"[[quilt]] {number + 1} holds '{each.name}', and no panel has that name")
+        quilts.append(
+            Quilt(
+                size_px=entry.size_px,
+                panels=tuple(index[each.name] for each in entry.panels),
+                offsets_px=tuple(each.offset_px for each in entry.panels),
+                turns=tuple(each.turn_deg // 90 for each in entry.panels),
+                output=entry.output,
+            )
+        )
+    return tuple(quilts)
+
+
+def _degrees(turn: int) -> Literal[0, 90, 180, 270]:
+    degrees: tuple[Literal[0], Literal[90], Literal[180], Literal[270]] = (0, 90, 180, 270)
+    return degrees[turn]

@@ -154,11 +154,11 @@ def _check_outline(outline_px: tuple[tuple[float, float], ...]) -> None:
         raise ValueError(
             f"outline must have 3 to {MAX_OUTLINE_CORNERS} corners, got {len(outline_px)}: split the panel"
         )
-    corners = np.array(outline_px, dtype=float)
-    if not np.isfinite(corners).all():
+    if not all(math.isfinite(value) for corner in outline_px for value in corner):
         raise ValueError("outline holds a number that is not finite")
-    edges = np.roll(corners, -1, axis=0) - corners
-    following = np.roll(edges, -1, axis=0)
-    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
-    if not ((turns > 0).all() or (turns < 0).all()):
+    # Not with NumPy: a display of thousands of small panels would wait for it.
+    count = len(outline_px)
+    edges = [(x - outline_px[k - 1][0], y - outline_px[k - 1][1]) for k, (x, y) in enumerate(outline_px)]
+    turns = [edges[k - 1][0] * edges[k][1] - edges[k - 1][1] * edges[k][0] for k in range(count)]
+    if not (min(turns) > 0 or max(turns) < 0):
         raise ValueError("outline must be convex and have no repeated corner: split the panel")

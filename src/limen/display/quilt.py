@@ -5,18 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.display.display import Display
+from limen.display.panel import Panel
 from limen.errors import DisplayError
 from limen.geometry import Floats
 
-__all__ = ["Quilt", "fill", "pack", "pieces"]
+__all__ = ["HasPanels", "Quilt", "fill", "pack", "pieces"]
 
 _TURNED = np.array([[[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]]], dtype=float)
 """What 0 to 3 quarter turns clockwise make of a step in pixels (right, down)."""
+
+
+class HasPanels(Protocol):
+    """A display, or a part of one."""
+
+    @property
+    def panels(self) -> tuple[Panel, ...]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +42,9 @@ class Quilt:
     turns
         Quarter turns clockwise of each panel's picture in the image, 0 to 3; empty if none is turned.
 
+    output
+        The video output that shows it, where a display's owner named one.
+
     Raises
     ------
     DisplayError
@@ -44,6 +55,7 @@ class Quilt:
     panels: tuple[int, ...]
     offsets_px: tuple[tuple[int, int], ...]
     turns: tuple[int, ...] = ()
+    output: str = ""
 
     def __post_init__(self) -> None:
         if min(self.size_px) < 1:
@@ -64,7 +76,7 @@ class Quilt:
         """`turns`, with a 0 for every panel where none is turned."""
         return self.turns or (0,) * len(self.panels)
 
-    def quilt_from_panel(self, display: Display) -> Floats:
+    def quilt_from_panel(self, display: HasPanels) -> Floats:
         """The affine maps from pixels of the panels to pixels of the quilt, in the order of `panels`.
 
         Returns
@@ -83,7 +95,7 @@ class Quilt:
 
 
 def pack(
-    display: Display, *, max_size_px: int = 8192, max_px: int = 2**26, panels: Sequence[int] | None = None
+    display: HasPanels, *, max_size_px: int = 8192, max_px: int = 2**26, panels: Sequence[int] | None = None
 ) -> list[Quilt]:
     """Panels side by side on shelves, in as few quilts as shelves of falling height need.
 
@@ -119,13 +131,13 @@ def pack(
     return quilts
 
 
-def fill(display: Display, quilt: Quilt) -> float:
+def fill(display: HasPanels, quilt: Quilt) -> float:
     """Share of a quilt's pixels that belong to panels, 0 to 1."""
     used = sum(math.prod(display.panels[index].size_px) for index in quilt.panels)
     return used / math.prod(quilt.size_px)
 
 
-def pieces(display: Display, quilt: Quilt, image: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
+def pieces(display: HasPanels, quilt: Quilt, image: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
     """The picture of every panel of a quilt, upright, by the panel's name: views of ``image``, (H, W, ...)."""
     pictures = {}
     for index, (x, y), turn in zip(quilt.panels, quilt.offsets_px, quilt.quarter_turns, strict=True):

@@ -17,11 +17,10 @@ from PIL import ImageDraw, ImageFont
 from limen.camera import Camera
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.display.quilt import Quilt
 from limen.geometry import Floats
 from limen.viewer import Viewer
 
-__all__ = ["draw_quilts", "draw_room", "draw_surface"]
+__all__ = ["draw_room", "draw_surface"]
 
 Rgb = NDArray[np.uint8]
 
@@ -29,6 +28,7 @@ _BACKGROUND = (24, 26, 30)
 _FLOOR = (38, 41, 47)
 _FLOOR_LINE = (58, 62, 70)
 _UNLIT = (52, 64, 82)
+_BACK = (44, 42, 40)
 _EDGE = (16, 18, 22)
 _GHOST = (120, 128, 140)
 _PERSON = (255, 176, 46)
@@ -48,7 +48,7 @@ def draw_room(
     size_px: tuple[int, int] = (1600, 900),
     camera: Camera | None = None,
 ) -> Rgb:
-    """The room seen from outside and above; panels that face away are drawn as outlines.
+    """The room seen from outside and above; walls that face away are drawn as outlines.
 
     Parameters
     ----------
@@ -78,13 +78,15 @@ def draw_room(
         floor = np.asarray(path_m, dtype=float) * [1, 0, 1]
         _line(ImageDraw.Draw(canvas), camera, large, floor, _PATH, _SUPERSAMPLE)
     eye = np.array(camera.eye_m)
-    facing = [panel for panel in display.panels if np.dot(eye - panel.centre_m, panel.normal) > 0]
-    canvas = Picture.fromarray(_draw_lit(np.asarray(canvas).copy(), facing, pictures or {}, camera, large))
+    # A room is looked into through its walls; of anything else, backs are seen as they are.
+    room = not _from_outside(display)
+    walls = {name: panels for name, panels in display.grids().items() if room and _is_flat(panels)}
+    shown = [p for p in display.panels if p.grid_name not in walls or np.dot(eye - p.centre_m, p.normal) > 0]
+    canvas = Picture.fromarray(_draw_panels(np.asarray(canvas).copy(), shown, pictures or {}, camera, large))
     drawing = ImageDraw.Draw(canvas)
-    shown = {panel.name for panel in facing}
     for name, panels in display.grids().items():
-        away = [panel for panel in panels if panel.name not in shown]
-        if away:
+        away = [panel for panel in panels if np.dot(eye - panel.centre_m, panel.normal) <= 0]
+        if away and name in walls:
             _draw_ghost(drawing, away, camera, large)
         _label(drawing, name, panels, camera, large)
     for viewer in people:
@@ -122,53 +124,60 @@ def draw_surface(display: Display, pictures: Mapping[str, Rgb], width_px: int = 
     return np.asarray(canvas)
 
 
-def draw_quilts(display: Display, quilts: Sequence[Quilt], width_px: int = 1600) -> Rgb:
-    """Where each panel lies in its quilt, the quilts below each other: uint8 (height, width_px, 3)."""
-    scale = width_px / max(quilt.size_px[0] for quilt in quilts)
-    gap = 12
-    heights = [max(1, math.ceil(quilt.size_px[1] * scale)) for quilt in quilts]
-    canvas = Picture.new("RGB", (width_px, sum(heights) + gap * (len(quilts) - 1)), _BACKGROUND)
-    drawing = ImageDraw.Draw(canvas)
-    top = 0
-    for quilt, height in zip(quilts, heights, strict=True):
-        drawing.rectangle([0, top, quilt.size_px[0] * scale, top + height], fill=_FLOOR)
-        for index, (x, y) in zip(quilt.panels, quilt.offsets_px, strict=True):
-            panel = display.panels[index]
-            left, upper = x * scale, top + y * scale
-            right, lower = left + panel.size_px[0] * scale, upper + panel.size_px[1] * scale
-            drawing.rectangle([left, upper, right, lower], fill=_UNLIT, outline=_EDGE, width=2)
-            font = ImageFont.load_default(size=max(8.0, min(16.0, (right - left) / 9)))
-            drawing.text(((left + right) / 2, (upper + lower) / 2), panel.name, fill=_TEXT, font=font, anchor="mm")
-        top += height + gap
-    return np.asarray(canvas)
-
-
 # ---------------------------------------------------------------------- where to stand
 
 
 def _camera_for(display: Display, viewers: Sequence[Viewer], size_px: tuple[int, int]) -> Camera:
-    """In front of a wall, above a room."""
+    """In front of a wall, above a room, beside an object."""
     mean = display.facing
-    if np.linalg.norm(mean) > 0.5:
-        azimuth, elevation = math.atan2(mean[0], mean[2]) + math.radians(28), math.radians(16)
+    if np.linalg.norm(mean) > 0.5 and np.hypot(mean[0], mean[2]) > 0.1:
+        azimuth = math.atan2(mean[0], mean[2]) + math.radians(28)
+        elevation = max(math.radians(16), math.asin(min(mean[1] / np.linalg.norm(mean), 0.6)))
+    elif _from_outside(display):
+        azimuth, elevation = math.radians(28), math.radians(18)
     else:
         azimuth, elevation = math.radians(9), math.radians(33)
     toward = np.array(
         [math.sin(azimuth) * math.cos(elevation), math.sin(elevation), math.cos(azimuth) * math.cos(elevation)]
     )
-    points = [panel.corners_m for panel in display.panels] + [np.array([viewer.position_m]) for viewer in viewers]
+    points = [panel.outline_m for panel in display.panels] + [np.array([viewer.position_m]) for viewer in viewers]
     return Camera.framing(np.concatenate(points), toward, size_px)
+
+
+def _from_outside(display: Display) -> bool:
+    """Whether panels face away from the middle of the display, on the whole: an object, not a room."""
+    middles = np.array([panel.outline_m.mean(axis=0) for panel in display.panels])
+    areas = np.array([math.prod(panel.size_m) for panel in display.panels])
+    normals = np.array([panel.normal for panel in display.panels])
+    outward = ((middles - display.bounds_m.mean(axis=0)) * normals).sum(axis=1)
+    return float(outward @ areas) > 0.01 * float(areas.sum()) * float(np.ptp(display.bounds_m, axis=0).max())
+
+
+def _is_flat(panels: Sequence[Panel]) -> bool:
+    """Whether all panels face the same way, as those of a wall do."""
+    normals = np.array([panel.normal for panel in panels])
+    return bool((normals @ normals[0] > 1 - 1e-9).all())
 
 
 # ---------------------------------------------------------------------- what is drawn
 
 
-def _draw_lit(
-    canvas: Rgb, panels: Sequence[Panel], pictures: Mapping[str, Rgb], camera: Camera, size_px: tuple[int, int]
+def _draw_panels(
+    canvas: Rgb,
+    panels: Sequence[Panel],
+    pictures: Mapping[str, Rgb],
+    camera: Camera,
+    size_px: tuple[int, int],
 ) -> Rgb:
+    """Lit outlines in their bezels, and backs of panels that face away; the nearest in front."""
     depth = np.full(canvas.shape[:2], np.inf)
+    eye = np.array(camera.eye_m)
     for panel in panels:
-        corners, distance = camera.project(panel.corners_m)
+        outline = panel.outline_m
+        away = float(np.dot(eye - outline[0], panel.normal)) <= 0
+        middle = outline.mean(axis=0)
+        grown = 1 + 4 * panel.bezel_m / float(np.linalg.norm(outline - middle, axis=1).min())
+        corners, distance = camera.project(middle + grown * (outline - middle))
         if distance.min() <= 0.05:
             continue
         x0, y0 = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
@@ -176,37 +185,53 @@ def _draw_lit(
         if x0 >= x1 or y0 >= y1:
             continue
         y, x = np.mgrid[y0:y1, x0:x1] + 0.5
-        u, v, near = _on_panel(corners, distance, x, y)
-        inside = (u >= 0) & (u < 1) & (v >= 0) & (v < 1) & (near < depth[y0:y1, x0:x1])
-        picture = pictures.get(panel.name)
-        if picture is None:
-            colour = np.broadcast_to(np.array(_UNLIT, dtype=np.uint8), (int(inside.sum()), 3))
-        else:
-            height, width = picture.shape[:2]
-            row, column = (v[inside] * height).astype(int), (u[inside] * width).astype(int)
-            colour = picture[row, column, :3]
+        place, near = _on_panel(panel, camera, x, y)
+        inside_m = _depth_in_outline(panel, place)
+        seen = (inside_m > -max(panel.bezel_m, 1e-9)) & (near < depth[y0:y1, x0:x1])
         block = canvas[y0:y1, x0:x1]
-        block[inside] = colour
-        if picture is None:  # a lit picture needs no frame; unlit panels would merge without one
-            rim = inside & (np.minimum(np.minimum(u, 1 - u), np.minimum(v, 1 - v)) < 0.012)
-            block[rim] = _EDGE
-        depth[y0:y1, x0:x1][inside] = near[inside]
+        block[seen] = _colours(panel, pictures.get(panel.name), camera, place[seen], away=away)
+        # A lit picture needs no line around it; unlit panels would merge without one.
+        line = near / camera.focal_px * _SUPERSAMPLE
+        dark = inside_m < 0 if panel.name in pictures and not away else inside_m < line * 0.6
+        block[seen & dark] = _EDGE
+        depth[y0:y1, x0:x1][seen] = near[seen]
     return canvas
 
 
-def _on_panel(corners: Floats, distance: Floats, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-    """Panel coordinates (0 ... 1 to the right and down) and depth behind picture pixels, by the inverse homography."""
-    triangle = np.stack(
-        [np.append(corner, 1.0) * depth for corner, depth in zip(corners[[0, 1, 3]], distance[[0, 1, 3]], strict=True)]
-    )
+def _colours(panel: Panel, picture: Rgb | None, camera: Camera, place_px: Floats, *, away: bool) -> Rgb:
+    """Of what a panel shows at places on its grid, shape (N, 3): its picture, or a shade of its direction."""
+    if picture is None or away:
+        toward = np.array(camera.eye_m) - np.array(camera.target_m)
+        light = toward / np.linalg.norm(toward) + np.array([-0.4, 0.8, 0.0])
+        shade = abs(float(np.dot(light / np.linalg.norm(light), panel.normal)))
+        colour = np.array(_BACK if away else _UNLIT) * (0.6 + 0.7 * shade)
+        return np.broadcast_to(colour.astype(np.uint8), (len(place_px), 3))
+    height, width = picture.shape[:2]
+    share = np.clip(place_px / np.array(panel.size_px), 0, 1 - 1e-9)
+    return np.asarray(picture[(share[:, 1] * height).astype(int), (share[:, 0] * width).astype(int), :3])
+
+
+def _depth_in_outline(panel: Panel, place_px: Floats) -> Floats:
+    """How far places on a panel's grid, (..., 2), lie inside its lit outline; metres, negative outside."""
+    corners = panel.lit_outline_px * panel.pitch_m
+    edges = np.concatenate([corners[1:], corners[:1]]) - corners
+    inward = np.stack([-edges[:, 1], edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
+    place = place_px * panel.pitch_m
+    return np.asarray((place @ inward.T - (corners * inward).sum(axis=1)).min(axis=-1))
+
+
+def _on_panel(panel: Panel, camera: Camera, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Places on the panel's pixel grid (..., 2) and depth behind picture pixels, by the inverse homography."""
+    corners, distance = camera.project(panel.corners_m[[0, 1, 3]])
+    triangle = np.concatenate([corners, np.ones((3, 1))], axis=1) * distance[:, None]
     # A place on the panel is c0 + u (c1 - c0) + v (c3 - c0) in homogeneous picture coordinates.
     matrix = np.stack([triangle[1] - triangle[0], triangle[2] - triangle[0], triangle[0]], axis=1)
-    inverse = np.linalg.inv(matrix)
-    local = inverse @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)])
+    local = np.linalg.inv(matrix) @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)])
     with np.errstate(divide="ignore", invalid="ignore"):
         u, v, near = local[0] / local[2], local[1] / local[2], 1 / local[2]
-    near = np.where(near > 0, near, np.inf)
-    return u.reshape(x.shape), v.reshape(x.shape), near.reshape(x.shape)
+    near = np.where((near > 0) & np.isfinite(u) & np.isfinite(v), near, np.inf)
+    place = np.stack([u, v], axis=-1) * panel.size_px
+    return place.reshape(*x.shape, 2), near.reshape(x.shape)
 
 
 def _draw_floor(
@@ -299,9 +324,9 @@ def _draw_wedge(
 def _label(
     drawing: ImageDraw.ImageDraw, name: str, panels: Sequence[Panel], camera: Camera, size_px: tuple[int, int]
 ) -> None:
-    corners = np.concatenate([panel.corners_m for panel in panels])
+    corners = np.concatenate([panel.outline_m for panel in panels])
     middle = corners.mean(axis=0)
-    up = -np.array(panels[0].down)
+    up = -np.array(panels[0].down) if _is_flat(panels) else np.array([0.0, 1.0, 0.0])
     above = middle + up * (((corners - middle) @ up).max())
     place, depth = camera.project(above)
     if depth <= 0.05:
