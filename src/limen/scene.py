@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from limen.camera import Camera
 from limen.data.mesh import Mesh
 from limen.display.display import Display
-from limen.display.quilt import Quilt, pack, pieces
+from limen.display.packing import pack_outlines
+from limen.display.quilt import Quilt, pieces
 from limen.draw.eyes import Anaglyph
 from limen.draw.lit import LitDisplay
 from limen.draw.scene import Depth, SceneLayer, SceneOverlay
@@ -111,8 +112,8 @@ class SceneRenderer:
         self.room_from_mesh = mesh_in_room(mesh.bounds, display) if room_from_mesh is None else room_from_mesh
         copies = 1 if stereo == "none" else 2
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
-        self.quilts: Sequence[Quilt] = pack(
-            display, max_size_px=device.max_texture_px // copies, max_px=max(max_quilt_px // copies, widest)
+        self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
+            display, max_size_px=device.max_texture_px // copies, max_px=max(max_quilt_px // copies, 2 * widest)
         )
         self._windows = {quilt: Windows(display, quilt, copies) for quilt in self.quilts}
         self._device, self._mesh = device, mesh

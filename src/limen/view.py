@@ -26,15 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.display.display import Display
+from limen.display.packing import GUARD_PX
 from limen.display.panel import MAX_OUTLINE_CORNERS
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 
 __all__ = ["GUARD_PX", "NEAR_M", "PanelViews", "Windows", "quilt_from_room"]
-
-GUARD_PX = 1.5
-"""How far beyond its outline a panel is drawn. Without it, pixels whose centre the outline just misses stay black, and
-whoever samples the quilt between pixels sees dotted seams."""
 
 NEAR_M = 0.02
 """What is nearer to the eye than this, on the ray through a panel's middle, is cut away."""
@@ -70,7 +67,8 @@ class Windows:
     copies
         How many eyes are drawn side by side: the quilt is that many times as wide.
     guard_px
-        See `GUARD_PX`.
+        How far beyond its outline a panel is drawn. Without it, pixels whose centre the outline just misses stay black,
+        and whoever samples the quilt between pixels sees dotted seams.
     """
 
     display: Display

@@ -108,3 +108,19 @@ def test_quilts_refuse_nonsense(fields: dict[str, object], words: str) -> None:
     assert Quilt(**good).turns == (0, 3)  # type: ignore[arg-type]
     with pytest.raises(DisplayError, match=words):
         Quilt(**{**good, **fields})  # type: ignore[arg-type]
+
+
+def test_a_piece_has_no_pixel_of_its_neighbours() -> None:
+    """A triangle whose grid reaches beyond the quilt, over a quilt that is all lit: only the triangle is taken out."""
+    panel = Panel(
+        "only", (40, 30), (0, 0, 0), (1, 0, 0), (0, -1, 0), (0.001, 0.001), outline_px=((0, 30), (20, 0), (40, 30))
+    )
+    display = Display("one", (panel,))
+    for turn in range(4):
+        offset = (-3, -2)
+        quilt = Quilt((60, 60), (0,), (offset,), (turn,))
+        picture = pieces(display, quilt, np.full((60, 60, 4), 255, np.uint8))["only"]
+        assert picture.shape == (30, 40, 4)
+        assert picture[25, 20].tolist() == [255] * 4, "inside"
+        assert picture[2, 2].tolist() == picture[2, 37].tolist() == [0] * 4, "outside"
+        assert 550 < (picture[..., 0] > 0).sum() < 750

@@ -138,12 +138,38 @@ def fill(display: HasPanels, quilt: Quilt) -> float:
 
 
 def pieces(display: HasPanels, quilt: Quilt, image: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
-    """The picture of every panel of a quilt, upright, by the panel's name: views of ``image``, (H, W, ...)."""
+    """The picture of every panel of a quilt, upright, by the panel's name.
+
+    Views of ``image``, (H, W, ...); of panels with an outline copies that are 0 outside of it, for their pixel grids
+    may reach over neighbours and beyond the quilt.
+    """
     pictures = {}
     for index, (x, y), turn in zip(quilt.panels, quilt.offsets_px, quilt.quarter_turns, strict=True):
-        width, height = _turned_size(display.panels[index].size_px, turn)
-        pictures[display.panels[index].name] = np.rot90(image[y : y + height, x : x + width], turn)
+        panel = display.panels[index]
+        width, height = _turned_size(panel.size_px, turn)
+        top, left = max(y, 0), max(x, 0)
+        piece = image[top : max(y + height, 0), left : max(x + width, 0)]
+        if panel.outline_px:
+            whole = np.zeros((height, width, *image.shape[2:]), image.dtype)
+            whole[top - y : top - y + piece.shape[0], left - x : left - x + piece.shape[1]] = piece
+            piece = whole
+            np.rot90(piece, turn)[~_is_lit(panel)] = 0
+        pictures[panel.name] = np.rot90(piece, turn)
     return pictures
+
+
+def _is_lit(panel: Panel) -> NDArray[np.bool_]:
+    """Which pixels of a panel's grid its outline touches or nearly touches: shape (h, w)."""
+    width, height = panel.size_px
+    corners = panel.lit_outline_px
+    step = np.roll(corners, -1, axis=0) - corners
+    inward = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.linalg.norm(step, axis=1)[:, None]
+    offset = (corners * inward).sum(axis=1)
+    x, y = (np.arange(count) + 0.5 for count in (width, height))
+    lit = np.ones((height, width), bool)
+    for (a, b), c in zip(inward, offset, strict=True):
+        lit &= (y * b)[:, None] + (x * a)[None] >= c - 1.0
+    return lit
 
 
 def _turned_size(size_px: tuple[int, int], turn: int) -> tuple[int, int]:
