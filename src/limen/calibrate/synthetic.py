@@ -31,6 +31,7 @@ _BACKGROUND, _BACK = 0.1, 0.01
 
 _NEAREST_M = 0.05
 _CORRECTIONS = 40
+_MARGIN_PX = 3
 _KNOT = 8
 
 
@@ -86,7 +87,7 @@ class Photographer:
         seen = np.full(self._rays.shape[:2], _BACKGROUND, dtype=np.float32)
         nearest = np.full(self._rays.shape[:2], np.inf, dtype=np.float32)
         for panel in display.panels:
-            _draw(panel, pictures.get(panel.name), pose, self._rays, seen, nearest)
+            self._draw(panel, pictures.get(panel.name), pose, seen, nearest)
         width, height = self.camera.size_px
         photo = cv2.resize(seen, (width, height), interpolation=cv2.INTER_AREA) if n > 1 else seen
         if self.blur_px > 0:
@@ -96,42 +97,39 @@ class Photographer:
         )
         return np.asarray(np.clip(np.rint(photo), 0, 255), dtype=np.uint8)
 
+    def _draw(
+        self, panel: Panel, picture: NDArray[np.uint8] | None, pose: Floats, seen: Singles, nearest: Singles
+    ) -> None:
+        """One panel over what is there, where it is nearer."""
+        turn = Rotation.from_rotvec(pose[:3]).as_matrix()
+        corners = panel.corners_m @ turn.T + pose[3:]
+        if corners[:, 2].min() < _NEAREST_M:
+            return
+        box = _box(corners, self.camera, self.oversampling)
+        right, down = (turn @ np.array(axis) for axis in (panel.right, panel.down))
+        # A ray d meets the panel where d t = u right + v down + corner; this matrix takes d to (u, v, 1) / t.
+        frame = np.stack([right * panel.pitch_m[0], down * panel.pitch_m[1], corners[0]], axis=1)
+        x, y = np.moveaxis(self._rays[box], -1, 0)
+        u, v, w = (row[0] * x + row[1] * y + row[2] for row in np.linalg.inv(frame).astype(np.float32))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            u, v, depth = u / w, v / w, 1 / w
+        hit = (depth > 0) & (depth < nearest[box]) & _inside(panel, u, v)
+        if not hit.any():
+            return
+        faces = float(np.dot(np.cross(down, right), corners.mean(axis=0))) < 0
+        lit = picture is not None and faces
+        seen[box][hit] = _sample(picture, u, v, hit)[hit] if picture is not None and lit else _BACK
+        nearest[box][hit] = depth[hit]
 
-def _draw(
-    panel: Panel, picture: NDArray[np.uint8] | None, pose: Floats, rays: Singles, seen: Singles, nearest: Singles
-) -> None:
-    """One panel over what is there, where it is nearer."""
-    turn = Rotation.from_rotvec(pose[:3]).as_matrix()
-    corners = panel.corners_m @ turn.T + pose[3:]
-    if corners[:, 2].min() < _NEAREST_M:
-        return
-    box = _box(corners, rays)
-    right, down = (turn @ np.array(axis) for axis in (panel.right, panel.down))
-    # A ray d meets the panel where d t = u right + v down + corner; this matrix takes d to (u, v, 1) / t.
-    frame = np.stack([right * panel.pitch_m[0], down * panel.pitch_m[1], corners[0]], axis=1)
-    x, y = np.moveaxis(rays[box], -1, 0)
-    u, v, w = (row[0] * x + row[1] * y + row[2] for row in np.linalg.inv(frame).astype(np.float32))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        u, v, depth = u / w, v / w, 1 / w
-    hit = (depth > 0) & (depth < nearest[box]) & _inside(panel, u, v)
-    if not hit.any():
-        return
-    faces = float(np.dot(np.cross(down, right), corners.mean(axis=0))) < 0
-    lit = picture is not None and faces
-    seen[box][hit] = _sample(picture, u, v, hit)[hit] if picture is not None and lit else _BACK
-    nearest[box][hit] = depth[hit]
 
-
-def _box(corners_m: Floats, rays: Singles) -> tuple[slice, slice]:
+def _box(corners_m: Floats, camera: Intrinsics, oversampling: int) -> tuple[slice, slice]:
     """Rows and columns of the rays that can meet a panel with these corners in the camera's frame."""
-    places = corners_m[:, :2] / corners_m[:, 2:]
-    low, high = places.min(axis=0), places.max(axis=0)
-    near = ((rays >= low) & (rays <= high)).all(axis=2)
-    spans = []
-    for axis in (1, 0):
-        found = np.flatnonzero(near.any(axis=axis))
-        spans.append(slice(int(found[0]), int(found[-1]) + 1) if found.size else slice(0, 0))
-    return spans[0], spans[1]
+    share = np.linspace(0, 1, 16, endpoint=False)[:, None, None]
+    edges = corners_m + share * (np.roll(corners_m, -1, axis=0) - corners_m)
+    places = camera.project(edges).reshape(-1, 2)
+    low = np.floor(np.maximum(places.min(axis=0) - _MARGIN_PX, 0)).astype(int) * oversampling
+    high = np.ceil(np.maximum(places.max(axis=0) + _MARGIN_PX, 0)).astype(int) * oversampling
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
 
 
 def _inside(panel: Panel, u: Singles, v: Singles) -> NDArray[np.bool_]:
