@@ -53,6 +53,13 @@ def ideal(name="wall"):
     return nominal, truth, tuple(photographs.ideal_sightings(truth, poses))
 
 
+@cache
+def solved():
+    """The calibration of the wall by ideal sightings."""
+    nominal, _, sightings = ideal()
+    return solve(nominal, sightings)
+
+
 def off(found, truth):
     """Largest error of position in millimetres, and of angle in degrees."""
     return tuple(max(each) for each in zip(*errors_of(found, truth).values(), strict=True))
@@ -125,7 +132,7 @@ def test_wrong_corners_are_left_out(share):
 # The frame
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.floats(-2, 2), min_size=6, max_size=6).map(np.array))
 def test_the_result_moves_with_the_nominal_display(motion):
     """Photographs know nothing of the room: moved as a whole, the display file moves the answer and nothing else."""
@@ -133,7 +140,7 @@ def test_the_result_moves_with_the_nominal_display(motion):
     there = replace(
         nominal, panels=tuple(panel_at(panel, compose(motion, of_panel(panel))) for panel in nominal.panels)
     )
-    one, other = solve(nominal, sightings), solve(there, sightings)
+    one, other = solved(), solve(there, sightings)
     for a, b in zip(one.display.panels, other.display.panels, strict=True):
         assert apply(motion, a.corners_m) == pytest.approx(b.corners_m, abs=2e-6)
     assert other.rms_px == pytest.approx(one.rms_px, rel=1e-6)
@@ -142,8 +149,7 @@ def test_the_result_moves_with_the_nominal_display(motion):
 
 
 def test_all_panels_together_stay_where_they_were():
-    nominal, _, sightings = ideal()
-    found = solve(nominal, sightings)
+    nominal, found = ideal()[0], solved()
     shift = [a.centre_m - b.centre_m for a, b in zip(found.display.panels, nominal.panels, strict=True)]
     assert np.mean(shift, axis=0) == pytest.approx(np.zeros(3), abs=1e-6)
 
@@ -157,12 +163,11 @@ def test_a_fixed_panel_stays_and_shapes_are_the_same(fixed):
     assert after.corners_m == pytest.approx(before.corners_m, abs=1e-9)
     (row,) = [row for row in found.panels if row.panel == fixed]
     assert row.position_std_mm < 1e-6
-    assert off(found, truth) == pytest.approx(off(solve(nominal, sightings), truth), abs=1e-3)
+    assert off(found, truth) == pytest.approx(off(solved(), truth), abs=1e-3)
 
 
 def test_everything_but_the_poses_is_kept():
-    nominal, _, sightings = ideal()
-    found = solve(nominal, sightings)
+    nominal, found = ideal()[0], solved()
     kept = ("name", "size_px", "pitch_m", "surface_m", "outline_px", "node", "luminance_cd_m2", "nudge_px")
     for before, after in zip(nominal.panels, found.display.panels, strict=True):
         assert [getattr(before, name) for name in kept] == [getattr(after, name) for name in kept]
@@ -173,7 +178,7 @@ def test_the_stated_deviations_are_those_that_happen():
     nominal, poses = shots("wall")
     truth = displaced(nominal, 0.02, 3.0, 1)
     ratios = []
-    for seed in range(6):
+    for seed in range(4):
         found = solve(nominal, photographs.ideal_sightings(truth, poses, noise_px=0.3, seed=seed))
         errors = errors_of(found, truth)
         ratios += [(errors[p.panel][0] / p.position_std_mm, errors[p.panel][1] / p.angle_std_deg) for p in found.panels]
@@ -240,16 +245,14 @@ def test_one_photograph_straight_on_is_no_camera_calibration():
     assert [w for w in solve(nominal, [straight]).warnings if "focal length" in w]
 
 
-def test_sizes_that_are_not_true_show_in_the_residual():
-    nominal, _, sightings = ideal()
+def test_a_size_that_is_not_true_is_noticed_and_ruins_nothing_else():
+    nominal, truth, sightings = ideal()
     first = nominal.panels[0]
-    wrong = replace(
-        nominal, panels=(replace(first, pitch_m=(first.pitch_m[0] * 1.05, first.pitch_m[1])), *nominal.panels[1:])
-    )
-    found, right = solve(wrong, sightings), solve(nominal, sightings)
-    rows = {row.panel: row for row in found.panels}
-    assert found.warnings
-    assert rows[first.name].rms_px > 2 * right.rms_px
+    wide = replace(first, pitch_m=(first.pitch_m[0] * 1.05, first.pitch_m[1]))
+    found = solve(replace(nominal, panels=(wide, *nominal.panels[1:])), sightings)
+    assert [w for w in found.warnings if "'wall/0,0'" in w and "size" in w]
+    others = replace(found, panels=tuple(row for row in found.panels if row.panel != first.name))
+    assert max(off(others, truth)) < 0.2
 
 
 def test_a_nudge_that_made_up_for_the_place_is_mentioned():

@@ -40,7 +40,8 @@ _STEPS = (1e-3, 1e-3, 1e-3, 1e-6, 1e-6)
 _POSE_STEP = 1e-6
 """Steps of differences: pixels and k1, k2; radians and metres."""
 
-_DAMPING, _MOST_DAMPING, _MOST_STEPS, _ENOUGH = 1e-3, 1e12, 100, 1e-9
+_DAMPING, _MOST_DAMPING, _MOST_STEPS = 1e-3, 1e12, 40
+_ENOUGH_ROBUST, _ENOUGH = 1e-4, 1e-9
 
 
 @dataclass(frozen=True)
@@ -172,8 +173,8 @@ class Adjusted:
         What was solved, of the corners that were kept.
     sigma_px
         Standard deviation of one coordinate of a corner, from what is left over.
-    left_out
-        How many corners of each photograph were left out, (F,).
+    left_out_by_photo, left_out_by_panel
+        How many corners of each photograph (F,), and of each panel (P,), were left out.
     """
 
     camera: Intrinsics
@@ -184,7 +185,8 @@ class Adjusted:
     jacobian: csr_array
     problem: Problem
     sigma_px: float
-    left_out: NDArray[np.int64]
+    left_out_by_photo: NDArray[np.int64]
+    left_out_by_panel: NDArray[np.int64]
 
 
 def adjust(problem: Problem, photo_poses: Floats, panel_poses: Floats) -> Adjusted:
@@ -204,8 +206,9 @@ def adjust(problem: Problem, photo_poses: Floats, panel_poses: Floats) -> Adjust
     freedom = 2 * len(last.seen) - last.size
     sigma = float(np.sqrt((last.residuals(x) ** 2).sum() / max(freedom, 1)))
     errors = problem.seen.errors_px(camera, photos, panels)
-    left_out = np.bincount(problem.seen.photo[~kept], minlength=problem.photos)
-    return Adjusted(camera, photos, panels, errors, kept, last.jacobian(x), last, sigma, left_out)
+    by_photo = np.bincount(problem.seen.photo[~kept], minlength=problem.photos)
+    by_panel = np.bincount(problem.seen.panel[~kept], minlength=problem.panels)
+    return Adjusted(camera, photos, panels, errors, kept, last.jacobian(x), last, sigma, by_photo, by_panel)
 
 
 def _lengths(problem: Problem, x: Floats) -> Floats:
@@ -219,6 +222,7 @@ def _solve(problem: Problem, x: Floats, scale_px: float) -> Floats:
     """
     damping, residuals = _DAMPING, problem.residuals(x)
     cost = _cost(problem, residuals, scale_px)
+    enough = _ENOUGH_ROBUST if math.isfinite(scale_px) else _ENOUGH
     for _ in range(_MOST_STEPS):
         jacobian = problem.jacobian(x)
         weights = _weights(problem, residuals, scale_px)
@@ -234,7 +238,7 @@ def _solve(problem: Problem, x: Floats, scale_px: float) -> Floats:
         if cost >= before:
             return x
         x, residuals = x + step, tried
-        if before - cost < _ENOUGH * before:
+        if before - cost < enough * before:
             return x
     return x
 

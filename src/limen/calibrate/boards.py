@@ -24,7 +24,16 @@ from limen.display.panel import Panel
 from limen.errors import DisplayError
 from limen.geometry import Floats
 
-__all__ = ["CELL_MODULES", "MARKERS", "MOST_PER_PANEL", "Board", "boards_of", "dictionary", "draw_board"]
+__all__ = [
+    "CELL_MODULES",
+    "MARKERS",
+    "MOST_PER_PANEL",
+    "Board",
+    "boards_of",
+    "boards_of_part",
+    "dictionary",
+    "draw_board",
+]
 
 MARKERS = 587
 """Markers of the family 36h11: at least one for each panel."""
@@ -106,6 +115,22 @@ def boards_of(display: Display) -> tuple[Board, ...]:
         origin = (round(left + columns * spare), round(top + rows * spare))
         boards.append(Board(panel.name, first_id, columns, rows, origin, module))
     return tuple(boards)
+
+
+def boards_of_part(display: Display, part: Display) -> tuple[Board, ...]:
+    """Boards of some of a display's panels: those of the whole display, or of the part alone if it is too large.
+
+    So a display of up to 587 panels has one set of boards, whichever panels are asked for.
+
+    Raises
+    ------
+    DisplayError
+        See `boards_of`.
+    """
+    if len(display.panels) > MARKERS:
+        return boards_of(part)
+    by_name = {board.panel: board for board in boards_of(display)}
+    return tuple(by_name[panel.name] for panel in part.panels)
 
 
 @lru_cache(maxsize=1024)

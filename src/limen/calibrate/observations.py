@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
 
 from limen.calibrate.boards import Board
 from limen.calibrate.camera import Intrinsics
 from limen.calibrate.detect import Sighting
-from limen.calibrate.poses import apply
 from limen.display.display import Display
 from limen.geometry import Floats
 
@@ -47,8 +47,8 @@ class Observations:
 
     def errors_px(self, camera: Intrinsics, photo_poses: Floats, panel_poses: Floats) -> Floats:
         """Seen less predicted, (N, 2), given poses (F, 6) of photographs and (P, 6) of panels."""
-        room = apply(panel_poses[self.panel], self.place_m)
-        return np.asarray(self.seen_px - camera.project(apply(photo_poses[self.photo], room)))
+        room = _moved(panel_poses, self.panel, self.place_m)
+        return np.asarray(self.seen_px - camera.project(_moved(photo_poses, self.photo, room)))
 
     def islands(self, photos: int, panels: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Labels of photographs (F,) and of panels (P,): those with one label are linked by what was seen.
@@ -60,6 +60,14 @@ class Observations:
         )
         _, labels = connected_components(links, directed=False)
         return labels[:photos].astype(np.int64), labels[photos:].astype(np.int64)
+
+
+def _moved(poses: Floats, which: NDArray[np.int64], points_m: Floats) -> Floats:
+    """Points (N, 3), each by one of the poses: `poses.apply` with as few rotations as there are poses."""
+    known = np.isfinite(poses[:, 0])
+    turns = np.full((len(poses), 3, 3), np.nan)
+    turns[known] = Rotation.from_rotvec(poses[known, :3]).as_matrix()
+    return np.asarray(np.einsum("nij,nj->ni", turns[which], points_m) + poses[which, 3:])
 
 
 def observe(display: Display, boards: Sequence[Board], sightings: Sequence[Sighting]) -> Observations:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
-from limen.calibrate.boards import boards_of
+from limen.calibrate.boards import Board
 from limen.calibrate.camera import Intrinsics
 from limen.calibrate.detect import Sighting, read_photo
 from limen.calibrate.poses import apply
@@ -27,12 +27,14 @@ _MOST_PHOTOS = 6
 _EDGE_POINTS = 24
 
 
-def draw_sheet(nominal: Display, found: Calibration, width_px: int = 1800) -> NDArray[np.uint8]:
+def draw_sheet(
+    nominal: Display, boards: Sequence[Board], found: Calibration, width_px: int = 1800
+) -> NDArray[np.uint8]:
     """Up to six of the photographs side by side, uint8 (height, width_px, 3): see `draw_overlay`."""
     count = min(_MOST_PHOTOS, len(found.photos))
     columns = math.ceil(math.sqrt(count))
     chosen = np.linspace(0, len(found.photos) - 1, count).round().astype(int)
-    tiles = [draw_overlay(nominal, found, int(number), width_px // columns) for number in chosen]
+    tiles = [draw_overlay(nominal, boards, found, int(number), width_px // columns) for number in chosen]
     height, width = tiles[0].shape[:2]
     sheet = np.full((height * math.ceil(count / columns), width_px, 3), 24, dtype=np.uint8)
     for number, tile in enumerate(tiles):
@@ -41,7 +43,9 @@ def draw_sheet(nominal: Display, found: Calibration, width_px: int = 1800) -> ND
     return sheet
 
 
-def draw_overlay(nominal: Display, found: Calibration, number: int, width_px: int = 1200) -> NDArray[np.uint8]:
+def draw_overlay(
+    nominal: Display, boards: Sequence[Board], found: Calibration, number: int, width_px: int = 1200
+) -> NDArray[np.uint8]:
     """One photograph, uint8 (height, width_px, 3): markers green, panels orange, and blue by the display file."""
     sighting = found.sightings[number]
     scale = width_px / sighting.size_px[0]
@@ -56,7 +60,7 @@ def draw_overlay(nominal: Display, found: Calibration, number: int, width_px: in
         return [(float(x), float(y)) for x, y in places]
 
     before = {panel.name: panel for panel in nominal.panels}
-    names = _panels_in(nominal, sighting)
+    names = _panels_in(boards, sighting)
     hung = [panel for panel in found.display.panels if panel.name in names]
     for panel in hung:
         drawing.line(loop(before[panel.name]), fill=_NOMINAL, width=line)
@@ -72,9 +76,9 @@ def draw_overlay(nominal: Display, found: Calibration, number: int, width_px: in
     return np.asarray(canvas)
 
 
-def _panels_in(display: Display, sighting: Sighting) -> set[str]:
+def _panels_in(boards: Sequence[Board], sighting: Sighting) -> set[str]:
     seen = set(sighting.ids.tolist())
-    return {board.panel for board in boards_of(display) if seen & set(board.ids)}
+    return {board.panel for board in boards if seen & set(board.ids)}
 
 
 def _outline(panel: Panel, camera: Intrinsics, pose: Floats) -> Floats:

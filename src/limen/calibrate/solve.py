@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from limen.calibrate.adjust import Adjusted, Problem, adjust
-from limen.calibrate.boards import boards_of
+from limen.calibrate.boards import Board, boards_of
 from limen.calibrate.camera import Intrinsics
 from limen.calibrate.chain import first_camera, first_poses
 from limen.calibrate.detect import Sighting, look_at
@@ -35,6 +35,7 @@ class PanelFit(msgspec.Struct):
     panel: str
     photos: int
     corners: int
+    left_out: int  # corners that nothing explains
     rms_px: float
     worst_px: float
     position_std_mm: float
@@ -91,6 +92,7 @@ def calibrate(
     display: Display,
     photos: Sequence[Path],
     *,
+    boards: Sequence[Board] | None = None,
     camera: Intrinsics | None = None,
     fix: str | None = None,
     step: Callable[[], object] = lambda: None,
@@ -103,6 +105,8 @@ def calibrate(
         The display as it is known so far: sizes and pitch of its panels are taken as true, poses only choose the frame.
     photos
         Photographs by one camera at one zoom.
+    boards
+        What the panels show, in their order; by default `boards_of` the display.
     camera
         Its intrinsics, if known; else they are found too.
     fix
@@ -121,15 +125,20 @@ def calibrate(
     for photo in photos:
         sightings.append(look_at(photo))
         step()
-    return solve(display, sightings, camera=camera, fix=fix)
+    return solve(display, sightings, boards=boards, camera=camera, fix=fix)
 
 
 def solve(
-    display: Display, sightings: Sequence[Sighting], *, camera: Intrinsics | None = None, fix: str | None = None
+    display: Display,
+    sightings: Sequence[Sighting],
+    *,
+    boards: Sequence[Board] | None = None,
+    camera: Intrinsics | None = None,
+    fix: str | None = None,
 ) -> Calibration:
     """As `calibrate`, from markers already found."""
     _check_sizes(sightings, camera)
-    everything = observe(display, boards_of(display), sightings)
+    everything = observe(display, boards or boards_of(display), sightings)
     seen_photos, photo = np.unique(everything.photo, return_inverse=True)
     seen_panels, panel = np.unique(everything.panel, return_inverse=True)
     seen = replace(everything, photo=photo.astype(np.int64), panel=panel.astype(np.int64))
@@ -233,6 +242,7 @@ def _panel_fit(number: int, part: Display, hung: Sequence[Panel], found: Adjuste
         panel=before.name,
         photos=len(np.unique(seen.photo[own])),
         corners=int(own.sum()),
+        left_out=int(found.left_out_by_panel[number]),
         rms_px=float(np.sqrt((apart**2).mean())),
         worst_px=float(apart.max()),
         position_std_mm=float(deviations.position_m[number]) * 1000,
@@ -250,7 +260,7 @@ def _photo_fit(number: int, sighting: Sighting, found: Adjusted) -> PhotoFit:
         photo=sighting.photo,
         panels=len(np.unique(seen.panel[own])),
         corners=int(own.sum()),
-        left_out=int(found.left_out[number]),
+        left_out=int(found.left_out_by_photo[number]),
         rms_px=float(np.sqrt((apart**2).mean())),
         worst_px=float(apart.max()),
     )
@@ -270,6 +280,12 @@ def _warnings(
         f"panel '{panel.panel}' is in one photograph only, so nothing checks its pose: take another one of it"
         for panel in panels
         if panel.photos == 1
+    ]
+    said += [
+        f"panel '{panel.panel}': most of it does not agree with the others ({panel.left_out} corners left out): are "
+        "its pixels and size in the display file true, does it show its own board, did it move?"
+        for panel in panels
+        if panel.left_out > panel.corners
     ]
     said += [
         f"{photo.photo}: most of it does not agree with the other photographs ({photo.left_out} corners left out): "

@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 from cyclopts import App, Parameter
 
-from limen.calibrate.boards import boards_of, draw_board
+from limen.calibrate.boards import boards_of_part, draw_board
 from limen.calibrate.camera import Intrinsics
 from limen.calibrate.opencv import load
 from limen.calibrate.overlay import draw_sheet
@@ -84,7 +84,7 @@ def boards(
     part = chosen_panels(display, panels)
     rows = []
     with output.progress("drawing boards", len(part.panels)) as step:
-        for board, panel in zip(boards_of(part), part.panels, strict=True):
+        for board, panel in zip(boards_of_part(Display.named(display), part), part.panels, strict=True):
             path = write_picture(out / f"{panel.name.replace('/', '-')}.png", draw_board(board, panel))
             marker_mm = 8 * board.module_px * panel.pitch_m[0] * 1000
             rows.append(BoardRow(panel.name, str(path), len(board.ids), board.first_id, marker_mm))
@@ -136,13 +136,13 @@ def solve(
     load()
     whole, part = Display.named(display), chosen_panels(display, panels)
     known = None if camera is None else Intrinsics.load(camera)
-    paths = _paths(photos)
+    paths, shown = _paths(photos), boards_of_part(whole, part)
     with output.progress("reading photographs", len(paths)) as step:
-        found = calibrate(part, paths, camera=known, fix=fix, step=step)
+        found = calibrate(part, paths, boards=shown, camera=known, fix=fix, step=step)
     hung = {panel.name: panel for panel in found.display.panels}
     calibrated = replace(whole, panels=tuple(hung.get(panel.name, panel) for panel in whole.panels))
     if report is not None:
-        write_picture(report, draw_sheet(part, found))
+        write_picture(report, draw_sheet(part, shown, found))
     if save_camera is not None:
         write_bytes(save_camera, found.camera.to_toml().encode())
     write_bytes(out, calibrated.to_toml().encode())
