@@ -46,6 +46,8 @@ def refine(photo: Floats, corners_px: Floats) -> Floats:
         About where the corners are: each corner follows its neighbour around the marker, whose edge is from dark
         (inside) to bright.
     """
+    if not len(corners_px):
+        return corners_px
     before = corners_px
     for reach_px in _REACHES_PX:
         before, corners_px = corners_px, _meet(*_curves(photo, corners_px, reach_px))

@@ -25,6 +25,7 @@ __all__ = ["draw_overlay", "draw_sheet"]
 _FOUND, _NOMINAL, _MARKER, _TEXT = (255, 138, 30), (86, 156, 255), (70, 220, 90), (255, 255, 255)
 _MOST_PHOTOS = 6
 _EDGE_POINTS = 24
+_ROOM = 1.2
 
 
 def draw_sheet(
@@ -46,34 +47,47 @@ def draw_sheet(
 def draw_overlay(
     nominal: Display, boards: Sequence[Board], found: Calibration, number: int, width_px: int = 1200
 ) -> NDArray[np.uint8]:
-    """One photograph, uint8 (height, width_px, 3): markers green, panels orange, and blue by the display file."""
+    """The panels in a photograph, uint8 (height, width_px, 3): markers green, panels orange, by the file blue."""
     sighting = found.sightings[number]
-    scale = width_px / sighting.size_px[0]
-    size = (width_px, round(sighting.size_px[1] * scale))
-    canvas = Picture.fromarray(read_photo(Path(sighting.photo))).resize(size, Picture.Resampling.BOX).convert("RGB")
+    names = _panels_in(boards, sighting)
+    before = [panel for panel in nominal.panels if panel.name in names]
+    hung = [panel for panel in found.display.panels if panel.name in names]
+    pose = found.photo_poses[number]
+    old, new = ([_outline(panel, found.camera, pose) for panel in panels] for panels in (before, hung))
+    left, top, width, height = _frame(np.concatenate(old + new), sighting.size_px)
+    scale = width_px / width
+    size = (width_px, round(width_px * sighting.size_px[1] / sighting.size_px[0]))
+    box = (left, top, left + width, top + height)
+    photo = Picture.fromarray(read_photo(Path(sighting.photo)))
+    canvas = photo.resize(size, Picture.Resampling.BOX, box=box).convert("RGB")
     drawing = ImageDraw.Draw(canvas)
-    line = max(1, round(width_px / 500))
+    line = max(1, round(width_px / 350))
     font = ImageFont.load_default(size=max(10.0, width_px / 45))
 
-    def loop(panel: Panel) -> list[tuple[float, float]]:
-        places = _outline(panel, found.camera, found.photo_poses[number]) * scale
-        return [(float(x), float(y)) for x, y in places]
+    def placed(line_px: Floats) -> list[tuple[float, float]]:
+        # The first pixel's centre is (0, 0) to the camera and (0.5, 0.5) to the picture.
+        return [(float(x), float(y)) for x, y in (line_px + 0.5 - [left, top]) * scale]
 
-    before = {panel.name: panel for panel in nominal.panels}
-    names = _panels_in(boards, sighting)
-    hung = [panel for panel in found.display.panels if panel.name in names]
-    for panel in hung:
-        drawing.line(loop(before[panel.name]), fill=_NOMINAL, width=line)
-    for panel in hung:
-        drawing.line(loop(panel), fill=_FOUND, width=line)
-    for corners in sighting.corners_px * scale:
-        drawing.polygon([(float(x), float(y)) for x, y in corners], outline=_MARKER, width=line)
-    for panel in hung:
-        x, y = np.array(loop(panel)).mean(axis=0)
+    for lines, colour in ((old, _NOMINAL), (new, _FOUND)):
+        for each in lines:
+            drawing.line(placed(each), fill=colour, width=line)
+    for corners in sighting.corners_px:
+        drawing.polygon(placed(corners), outline=_MARKER, width=line)
+    for panel, each in zip(hung, new, strict=True):
+        middle = placed(each.mean(axis=0, keepdims=True))[0]
         drawing.text(
-            (x, y), panel.name, fill=_TEXT, font=font, anchor="mm", stroke_width=2 * line, stroke_fill=(0, 0, 0)
+            middle, panel.name, fill=_TEXT, font=font, anchor="mm", stroke_width=line + 1, stroke_fill=(0, 0, 0)
         )
     return np.asarray(canvas)
+
+
+def _frame(points_px: Floats, size_px: tuple[int, int]) -> tuple[float, float, float, float]:
+    """Left, top, width and height of the part of a photograph, of its shape, that holds points and some room."""
+    low, high = points_px.min(axis=0), points_px.max(axis=0)
+    share = float(((high - low) * _ROOM / np.array(size_px)).max())
+    span = min(share, 1.0) * np.array(size_px)
+    corner = np.clip((low + high) / 2 - span / 2, 0, np.array(size_px) - span)
+    return float(corner[0]), float(corner[1]), float(span[0]), float(span[1])
 
 
 def _panels_in(boards: Sequence[Board], sighting: Sighting) -> set[str]:
