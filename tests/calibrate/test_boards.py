@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import photographs
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import limen
@@ -41,6 +41,7 @@ def cell_corners(board):
 
 
 @settings(max_examples=12, deadline=None)
+@example(3, 1.8125, 348.0)
 @given(st.integers(3, 8), st.floats(0, 6.3), st.floats(250, 480))
 def test_a_board_lies_inside_any_convex_outline_and_is_large(corners, start, radius):
     outline = regular(corners, (500, 500), radius, start)
@@ -79,9 +80,10 @@ def test_too_many_panels_are_refused_with_a_way_out():
     assert len(boards_of(limen.Display("d", panels[:MARKERS]))) == MARKERS
 
 
-def test_a_panel_smaller_than_a_marker_is_refused_by_name():
+@pytest.mark.parametrize("outline_px", [(), regular(5, (4, 4), 1.0, 0.0)])
+def test_a_panel_smaller_than_a_marker_is_refused_by_name(outline_px):
     with pytest.raises(DisplayError, match="'small'"):
-        boards_of(limen.Display("d", (panel_of((9, 500), name="small"),)))
+        boards_of(limen.Display("d", (panel_of((9, 500), outline_px, name="small"),)))
 
 
 @pytest.mark.parametrize("display", [photographs.wall(), photographs.triangle()], ids=lambda d: d.name)

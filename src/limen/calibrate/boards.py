@@ -149,6 +149,8 @@ def _arrangement(
         for rows in range(1, most // columns + 1):
             reach = (edges * outward) @ np.array([columns, rows])
             found = linprog([0, 0, -1], A_ub=np.column_stack([edges, reach]), b_ub=limits, bounds=[(0, None)] * 3)
+            if found.x is None:  # an outline of a pixel or two holds nothing
+                continue
             left, top, cell = np.asarray(found.x, dtype=float).tolist()
             area = (round(columns * rows * cell**2 / (size_px[0] * size_px[1]), 6), columns * rows)
             if area > best_area:
@@ -168,7 +170,9 @@ def _half_planes(size_px: tuple[int, int], outline_px: tuple[tuple[float, float]
         inward = np.sign(((corners.mean(axis=0) - corners) * normals).sum(axis=1, keepdims=True))
         normals = -inward * normals
         edges = np.concatenate([edges, normals])
-        limits = np.concatenate([limits, (normals * corners).sum(axis=1)])
+        # Boards begin at whole pixels, so an edge must keep away by what rounding moves them.
+        rounding = np.abs(normals).sum(axis=1) / 2
+        limits = np.concatenate([limits, (normals * corners).sum(axis=1) - rounding])
     return edges, limits
 
 
