@@ -124,6 +124,13 @@ def test_mirrored_unreadable_and_missing_photographs_are_named(capsys, shoot, tm
     assert not (tmp_path / "x.toml").exists()
 
 
+def test_a_report_of_another_kind_is_refused_before_photographs_are_read(capsys, tmp_path):
+    words = ("--display", "cube", "--out", tmp_path / "x.toml", "--report", tmp_path / "found.gif")
+    code, _, err = run(capsys, "calibrate", "solve", tmp_path / "nowhere.jpg", *words)
+    assert code == 2
+    assert ".png or .jpg" in err
+
+
 def test_a_rehearsal_says_how_well_it_went(capsys, tmp_path):
     words = ("calibrate", "rehearse", "--display", "cube", "--photos", 10, "--megapixels", 0.6, "--out", tmp_path)
     code, text, err = run(capsys, *words, "--json")

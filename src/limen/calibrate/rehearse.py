@@ -69,10 +69,8 @@ def rehearse(
     InputError
         If a number makes no sense, or the photographs do not determine the panels' poses.
     """
-    if photos < 1 or not 0.1 <= megapixels <= 100 or off_m < 0 or off_deg < 0:
-        raise InputError(
-            "a rehearsal needs at least 1 photograph of 0.1 to 100 megapixels, and panels off by 0 or more"
-        )
+    if photos < 1 or not 0.1 <= megapixels <= 24 or off_m < 0 or off_deg < 0:
+        raise InputError("a rehearsal needs at least 1 photograph of 0.1 to 24 megapixels, and panels off by 0 or more")
     camera = phone(megapixels)
     photographer = Photographer(camera, oversampling=2)
     truth = displaced(display, off_m, off_deg, seed)

@@ -21,7 +21,7 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.errors import InputError, MissingFileError
-from limen.present.file import write_picture
+from limen.present.file import check_picture_name, write_picture
 
 __all__ = ["app"]
 
@@ -134,6 +134,8 @@ def solve(
     """
     output = Output(common)
     load()
+    if report is not None:
+        check_picture_name(report)  # a wrong ending should not cost the reading of all photographs
     whole, part = Display.named(display), chosen_panels(display, panels)
     known = None if camera is None else Intrinsics.load(camera)
     paths, shown = _paths(photos), boards_of_part(whole, part)
