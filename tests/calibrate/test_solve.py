@@ -239,10 +239,13 @@ def test_photographs_of_two_sizes_are_refused_by_name():
         solve(nominal, sightings, camera=Intrinsics((640, 480), (500, 500), (320, 240)))
 
 
-def test_one_photograph_straight_on_is_no_camera_calibration():
+@pytest.mark.parametrize("noise_px", [0.0, 0.05])
+def test_one_photograph_straight_on_is_no_camera_calibration(noise_px):
     nominal = limen.Display.preset("desktop")
-    (straight,) = photographs.ideal_sightings(nominal, photographs.around(nominal, 1.0, [0], [0]))
-    assert [w for w in solve(nominal, [straight]).warnings if "focal length" in w]
+    straight = photographs.ideal_sightings(nominal, photographs.around(nominal, 1.0, [0], [0]), noise_px=noise_px)
+    assert [w for w in solve(nominal, straight).warnings if "the focal length is" in w]
+    pinhole = replace(CAMERA, distortion=(0.0,) * 5)
+    assert not [w for w in solve(nominal, straight, camera=pinhole).warnings if "focal length" in w]
 
 
 def test_a_size_that_is_not_true_is_noticed_and_ruins_nothing_else():

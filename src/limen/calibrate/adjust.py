@@ -36,6 +36,9 @@ _OUTLIER_SIGMAS, _OUTLIER_PX = 6.0, 0.3
 
 _ROBUST_PASSES, _LEAST_SCALE_PX = 3, 0.1
 
+_LEAST_SIGMA_PX = 0.02
+"""No corner is known better, however well the few that there are happen to fit."""
+
 _STEPS = (1e-3, 1e-3, 1e-3, 1e-6, 1e-6)
 _POSE_STEP = 1e-6
 """Steps of differences: pixels and k1, k2; radians and metres."""
@@ -204,7 +207,7 @@ def adjust(problem: Problem, photo_poses: Floats, panel_poses: Floats) -> Adjust
     x = _solve(last, x, math.inf)
     camera, photos, panels = last.unpack(x)
     freedom = 2 * len(last.seen) - last.size
-    sigma = float(np.sqrt((last.residuals(x) ** 2).sum() / max(freedom, 1)))
+    sigma = max(float(np.sqrt((last.residuals(x) ** 2).sum() / max(freedom, 1))), _LEAST_SIGMA_PX)
     errors = problem.seen.errors_px(camera, photos, panels)
     by_photo = np.bincount(problem.seen.photo[~kept], minlength=problem.photos)
     by_panel = np.bincount(problem.seen.panel[~kept], minlength=problem.panels)

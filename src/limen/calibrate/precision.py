@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ class Precision(NamedTuple):
 
     position_m: Floats  # (P,), of the panels' centres
     angle_deg: Floats  # (P,)
-    focal_share: float  # of the focal length; 0 for a camera that was given
+    focal_share: float  # of the focal length; 0 for a camera that was given, infinite if nothing tells
 
 
 def precision(found: Adjusted, corners_m: Floats, anchors: Floats) -> Precision:
@@ -39,7 +40,9 @@ def precision(found: Adjusted, corners_m: Floats, anchors: Floats) -> Precision:
     """
     camera_size, panels = found.problem.camera_size, found.problem.panels
     covariance = found.sigma_px**2 * np.linalg.inv(_reduced(found))
-    focal = float(np.sqrt(covariance[0, 0]) / found.camera.focal_px[0]) if camera_size else 0.0
+    focal_variance = float(covariance[0, 0]) if camera_size else 0.0
+    # Below zero: what was seen leaves the focal length so open that the inverse is rounding alone.
+    focal = math.sqrt(focal_variance) / found.camera.focal_px[0] if focal_variance >= 0 else math.inf
     whole = np.zeros((6 * panels, 6 * panels))
     free = np.repeat(np.arange(panels) != found.problem.reference, 6)
     whole[np.ix_(free, free)] = covariance[camera_size:, camera_size:]

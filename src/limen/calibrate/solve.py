@@ -309,8 +309,9 @@ def _doubts(rms_px: float, deviations: Precision) -> list[str]:
             "and was everything still?"
         )
     if deviations.focal_share > _VAGUE_FOCAL:
+        known = f"known to {deviations.focal_share:.1%} only" if deviations.focal_share < 1 else "not known"
         said.append(
-            f"the focal length is known to {100 * deviations.focal_share:.1f} % only, and so are distances from the "
-            "camera: add photographs at an angle, or give --camera"
+            f"the focal length is {known}, and so are distances from the camera: add photographs at an angle, or give "
+            "--camera"
         )
     return said
