@@ -75,6 +75,9 @@ def steps_for(
         ({"observer": True}, {"environment": "E", "observer": True}, ()),
         ({"test": True, "observer": True}, {"environment": "E", "test": True}, ("observer",)),
         ({}, {"environment": "old", "observer": True}, ("environment", "observer")),
+        ({"calibrate": True}, {"environment": "E"}, ("calibrate",)),
+        ({"calibrate": True}, {"environment": "E", "calibrate": True}, ()),
+        ({}, {"environment": "old", "calibrate": True}, ("environment", "calibrate")),
         ({"test": True, "driver": True}, {}, ("environment", "test", "driver")),
         ({"test": True, "driver": True}, {"environment": "E", "test": True, "driver": "D"}, ()),
     ],
@@ -285,6 +288,36 @@ def test_a_shim_that_does_not_answer_is_no_uv(checkout: Any, tmp_path: Path, mon
 )
 def test_only_what_judges_needs_the_observer(words: list[str], needed: bool) -> None:
     assert module("main").need_of(words).observer is needed
+
+
+@pytest.mark.parametrize(
+    ("words", "needed"),
+    [(["calibrate", "boards"], True), (["calibrate", "solve", "--help"], False), (["show", "a"], False)],
+)
+def test_only_calibration_needs_opencv(words: list[str], needed: bool) -> None:
+    assert module("main").need_of(words).calibrate is needed
+
+
+def test_opencv_comes_as_the_extra_and_is_noted(checkout: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state, main = module("state"), module("main")
+    checkout.write_stamp(state.Stamp(checkout.environment_fingerprint()))
+    folder = recording_uv(tmp_path / "bin", "nothing")
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+    assert main.prepare(checkout, state.Need(calibrate=True)).calibrate
+    assert checkout.read_stamp().calibrate
+    (asked,) = (folder / "asked").read_text().splitlines()
+    assert asked.endswith("[calibrate]")
+
+
+def test_opencv_that_cannot_be_had_is_said_and_tried_again(
+    checkout: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state, main = module("state"), module("main")
+    checkout.write_stamp(state.Stamp(checkout.environment_fingerprint()))
+    monkeypatch.setenv("PATH", f"{recording_uv(tmp_path / 'bin', '*calibrate*')}{os.pathsep}{os.environ['PATH']}")
+    assert not main.prepare(checkout, state.Need(calibrate=True)).calibrate
+    assert "OpenCV" in capsys.readouterr().err
+    assert not checkout.read_stamp().calibrate
 
 
 def recording_uv(folder: Path, fails: str) -> Path:

@@ -52,6 +52,13 @@ def test_a_missing_observer_is_noted_with_the_two_commands_that_bring_it() -> No
     assert not problem.stops_drawing
 
 
+def test_missing_opencv_is_noted_with_the_command_that_brings_it() -> None:
+    assert doctor._opencv_problems(True) == []
+    (problem,) = doctor._opencv_problems(False)
+    assert "pip install" in problem.cure
+    assert not problem.stops_drawing
+
+
 @pytest.mark.parametrize(
     ("info", "word"),
     [

@@ -26,7 +26,7 @@ from launcher.run import run
 from launcher.state import Checkout, SetupError
 from launcher.variables import home_is_writable
 
-__all__ = ["find_uv", "group_requirements", "install", "install_observer", "pick_wheel"]
+__all__ = ["find_uv", "group_requirements", "install", "install_calibration", "install_observer", "pick_wheel"]
 
 OBSERVER_PACKAGES = ("torch==2.13.0", "cvvdp==0.5.7")
 """Without their dependencies, of which one would bring CUDA; the few that are needed are the extra ``verify``."""
@@ -88,6 +88,15 @@ def install_observer(checkout: Checkout, say: Callable[[str], None]) -> str:
             return done.reason if done.code else ""
         reasons.append(done.reason)
     return reasons[0]
+
+
+def install_calibration(checkout: Checkout, say: Callable[[str], None]) -> str:
+    """Install what `limen calibrate` sees markers with; an empty answer means that it worked, else why it did not."""
+    say("installing OpenCV (about 60 MB) into .venv")
+    extra: list[str | Path] = ["--editable", f"{checkout.root}[calibrate]"]
+    uv = find_uv(checkout, say)
+    done = run([uv, "pip", "install", "--quiet", "--python", checkout.python, *extra], None, _uv_variables(checkout))
+    return done.reason if done.code else ""
 
 
 def group_requirements(pyproject: Path, group: str) -> list[str]:

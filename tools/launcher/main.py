@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from launcher.state import (
+    CALIBRATE,
     DRIVER,
     ENVIRONMENT,
     OBSERVER,
@@ -72,6 +73,7 @@ def need_of(arguments: Sequence[str]) -> Need:
     return Need(
         test=verb == "test",
         driver=(verb in _DRAWING_VERBS or goes_on) and not helps,
+        calibrate=verb == "calibrate" and not helps,
         observer=(verb in _OBSERVING_VERBS or list(arguments[:2]) == ["bench", "kernels"]) and not helps,
         goes_on=goes_on,
     )
@@ -104,8 +106,9 @@ def prepare(checkout: Checkout, need: Need) -> Stamp:
         steps = _missing(checkout, stamp, need)
         if ENVIRONMENT in steps or TEST in steps:
             stamp = _environment(checkout, stamp, steps)
-        if OBSERVER in steps:
-            stamp = _observer(checkout, stamp)
+        for extra in (OBSERVER, CALIBRATE):
+            if extra in steps:
+                stamp = _extra(checkout, stamp, extra)
         if DRIVER in steps:
             stamp = _driver(checkout, stamp, need)
     if steps:
@@ -128,15 +131,19 @@ def _environment(checkout: Checkout, stamp: Stamp, steps: Sequence[str]) -> Stam
     return stamp
 
 
-def _observer(checkout: Checkout, stamp: Stamp) -> Stamp:
-    from launcher.environment import install_observer
+def _extra(checkout: Checkout, stamp: Stamp, extra: str) -> Stamp:
+    from launcher.environment import install_calibration, install_observer
 
-    reason = install_observer(checkout, say)
+    name, install = {
+        OBSERVER: ("the independent observer", install_observer),
+        CALIBRATE: ("OpenCV, which calibration needs,", install_calibration),
+    }[extra]
+    reason = install(checkout, say)
     if reason:
         # The verb then says what to type, and its tests skip; everything else works, and the next start tries again.
-        say(f"the independent observer could not be installed, its tests will be skipped: {reason}")
+        say(f"{name} could not be installed, its tests are skipped: {reason}")
         return stamp
-    stamp = dataclasses.replace(stamp, observer=True)
+    stamp = Stamp(**{**dataclasses.asdict(stamp), extra: True})
     checkout.write_stamp(stamp)
     return stamp
 

@@ -21,10 +21,22 @@ try:
 except ImportError:  # Windows: concurrent first starts are then not serialised
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["DRIVER", "ENVIRONMENT", "OBSERVER", "TEST", "Checkout", "Need", "SetupError", "Stamp", "locked", "missing"]
+__all__ = [
+    "CALIBRATE",
+    "DRIVER",
+    "ENVIRONMENT",
+    "OBSERVER",
+    "TEST",
+    "Checkout",
+    "Need",
+    "SetupError",
+    "Stamp",
+    "locked",
+    "missing",
+]
 
-ENVIRONMENT, TEST, OBSERVER, DRIVER = "environment", "test", "observer", "driver"
-"""The four steps, in the order in which they are done."""
+ENVIRONMENT, TEST, OBSERVER, CALIBRATE, DRIVER = "environment", "test", "observer", "calibrate", "driver"
+"""The five steps, in the order in which they are done."""
 
 _FORMAT = 1
 _DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_LOADER_DRIVERS_DISABLE", "LD_LIBRARY_PATH")
@@ -51,6 +63,7 @@ class Need:
     test: bool = False
     driver: bool = False
     observer: bool = False
+    calibrate: bool = False
     goes_on: bool = False
     """Without a driver too: doctor reports it, and most tests draw nothing."""
 
@@ -62,6 +75,7 @@ class Stamp:
     environment: str = ""
     test: bool = False
     observer: bool = False
+    calibrate: bool = False
     driver: str = ""
     driver_variables: dict[str, str] = field(default_factory=dict)
 
@@ -140,13 +154,15 @@ def missing(stamp: Stamp, need: Need, environment: str, driver: str) -> tuple[st
     A new environment also looks for the driver again: the answer came from the wgpu that was in the old one.
     """
     if not environment or stamp.environment != environment:
-        kept = {TEST: stamp.test, OBSERVER: stamp.observer}
-        return (ENVIRONMENT, *(s for s in (TEST, OBSERVER, DRIVER) if getattr(need, s) or kept.get(s)))
+        kept = {TEST: stamp.test, OBSERVER: stamp.observer, CALIBRATE: stamp.calibrate}
+        return (ENVIRONMENT, *(s for s in (TEST, OBSERVER, CALIBRATE, DRIVER) if getattr(need, s) or kept.get(s)))
     steps: tuple[str, ...] = ()
     if need.test and not stamp.test:
         steps += (TEST,)
     if need.observer and not stamp.observer:
         steps += (OBSERVER,)
+    if need.calibrate and not stamp.calibrate:
+        steps += (CALIBRATE,)
     if need.driver and (stamp.driver != driver or not _files_exist(stamp.driver_variables)):
         steps += (DRIVER,)
     return steps

@@ -35,6 +35,10 @@ _VERBS = {
         "Let an independent model of vision look for what limen leaves out.",
         "mars.tif --display reality-deck --policy acuity contrast --plot verdict.png",
     ),
+    "calibrate": (
+        "Find where panels really hang, from photographs of boards that they show.",
+        "boards --display wall.toml --out boards",
+    ),
     "bench": ("The benchmark tables of the documentation.", "image --quick"),
 }
 """What each verb does, and an example. ``limen.cli.<verb>:<verb>`` is imported only when it is typed."""
@@ -54,8 +58,15 @@ app = App(
     version=_version,
     suppress_keyboard_interrupt=False,  # `main` says so itself
 )
+_GROUPS = ("calibrate",)
+"""Verbs that have verbs of their own: ``limen.cli.<verb>:app``."""
+
 for _verb, (_summary, _example) in _VERBS.items():
-    app.command(f"limen.cli.{_verb}:{_verb}", name=_verb, help=f"{_summary}\n\nExample: limen {_verb} {_example}")
+    app.command(
+        f"limen.cli.{_verb}:{'app' if _verb in _GROUPS else _verb}",
+        name=_verb,
+        help=f"{_summary}\n\nExample: limen {_verb} {_example}",
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import msgspec
 
+from limen.calibrate import opencv
 from limen.cli.output import DEFAULT, Common, Output
 from limen.gpu.adapters import AdapterInfo, driver_advice, linux_cure, list_adapters
 from limen.study.observer import INSTALL, missing_packages
@@ -93,6 +94,7 @@ def examine(adapters: Callable[[], list[AdapterInfo]]) -> DoctorReport:
         *_package_problems(versions),
         *_machine_problems(machine),
         *_observer_problems(missing_packages()),
+        *_opencv_problems(opencv.is_installed()),
     ]
     return DoctorReport(
         adapters=[_adapter(info) for info in found],
@@ -143,6 +145,10 @@ def _observer_problems(missing: tuple[str, ...]) -> list[Problem]:
         return []
     problem = f"the independent observer of `limen verify` is not installed ({', '.join(missing)})"
     return [Problem(problem, " && ".join(INSTALL))]
+
+
+def _opencv_problems(installed: bool) -> list[Problem]:
+    return [] if installed else [Problem("OpenCV, which `limen calibrate` needs, is not installed", opencv.INSTALL)]
 
 
 def _machine_problems(machine: Machine) -> list[Problem]:

@@ -13,9 +13,21 @@ from PIL import Image as Picture
 from limen.data.partial import write_bytes
 from limen.errors import InputError, StorageError
 
-__all__ = ["JPEG_QUALITY", "write_picture"]
+__all__ = ["JPEG_QUALITY", "check_picture_name", "write_picture"]
 
 JPEG_QUALITY = 90
+
+
+def check_picture_name(path: str | Path) -> None:
+    """Refuse a name before the work that fills the picture.
+
+    Raises
+    ------
+    InputError
+        If `write_picture` cannot write a file of this name.
+    """
+    if Path(path).suffix.lower() not in (".jpg", ".jpeg", ".png"):
+        raise InputError(f"{path}: a picture's name must end in .png or .jpg")
 
 
 def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
@@ -30,18 +42,17 @@ def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
     StorageError
         If the disk refuses.
     """
+    check_picture_name(path)
     path = Path(path)
     picture = np.ascontiguousarray(picture)
     match path.suffix.lower():
         case ".jpg" | ".jpeg":
             space = "RGBA" if picture.shape[2] == 4 else "RGB"
             content = simplejpeg.encode_jpeg(picture, quality=JPEG_QUALITY, colorspace=space, colorsubsampling="444")
-        case ".png":
+        case _:
             file = io.BytesIO()
             Picture.fromarray(picture).save(file, format="PNG", compress_level=3)
             content = file.getvalue()
-        case _:
-            raise InputError(f"{path}: a picture's name must end in .png or .jpg")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
