@@ -88,7 +88,8 @@ def draw_room(
         away = [panel for panel in panels if np.dot(eye - panel.centre_m, panel.normal) <= 0]
         if away and name in walls:
             _draw_ghost(drawing, away, camera, large)
-        _label(drawing, name, panels, camera, large)
+        if name in walls or len(away) < len(panels):  # the name of a hidden side would lie on another
+            _label(drawing, name, panels, camera, large)
     for viewer in people:
         _draw_person(drawing, viewer, camera, large)
     return np.asarray(canvas.resize(size_px, Picture.Resampling.LANCZOS))
