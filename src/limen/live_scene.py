@@ -21,7 +21,6 @@ from limen.live import Tour
 from limen.placement import mesh_in_room
 from limen.present.window import Surface, open_canvas
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
-from limen.view import GUARD_PX
 from limen.viewer import Viewer
 
 __all__ = ["Animation", "SceneSettings", "eye_camera", "posed", "run_live_scene"]
@@ -163,7 +162,7 @@ class LiveScene:
             stereo=self._settings.stereo, background=self._settings.background,
         )  # fmt: skip
         if self._simulated is not None:
-            self._lit = LitDisplay(self._device, display, self._renderer.quilts, guard_px=GUARD_PX)
+            self._lit = LitDisplay(self._device, display, self._renderer.quilts, guard_px=self._renderer.guard_px)
 
     def _draw_window(self, surface: Surface) -> None:
         """The window is the display: the mesh, turned by dragging, stands behind it."""

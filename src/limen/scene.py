@@ -27,7 +27,7 @@ from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.placement import mesh_in_room
-from limen.view import GUARD_PX, Windows
+from limen.view import Windows, guard_of
 from limen.viewer import Viewer
 
 __all__ = ["BACKGROUND", "STEREOS", "SceneRenderer", "SceneReport", "Stereo"]
@@ -115,7 +115,8 @@ class SceneRenderer:
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
             display, max_size_px=device.max_texture_px // copies, max_px=max(max_quilt_px // copies, 2 * widest)
         )
-        self._windows = {quilt: Windows(display, quilt, copies) for quilt in self.quilts}
+        self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
+        self._windows = {quilt: Windows(display, quilt, copies, self.guard_px) for quilt in self.quilts}
         self._device, self._mesh = device, mesh
         self._layer = SceneLayer(device, mesh, background=background, clip=clip)
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
@@ -179,7 +180,7 @@ class SceneRenderer:
             For two eyes side by side or after each other, which no one camera sees.
         """
         textures, _ = self.lit_for(viewer, overlay=overlay)
-        lit = LitDisplay(self._device, self.display, self.quilts, guard_px=GUARD_PX)
+        lit = LitDisplay(self._device, self.display, self.quilts, guard_px=self.guard_px)
         try:
             return [lit.read(lit.draw(textures, camera)) for camera in cameras]
         finally:
@@ -229,7 +230,8 @@ class SceneRenderer:
         begin = time.perf_counter()
         windows = self._windows.get(quilt)
         if windows is None:
-            windows = self._windows[quilt] = Windows(self.display, quilt, 1 if self.stereo == "none" else 2)
+            copies = 1 if self.stereo == "none" else 2
+            windows = self._windows[quilt] = Windows(self.display, quilt, copies, guard_of(self.display, quilt))
         eyes_m = self._eyes(viewer)
         forward = np.repeat(np.array([viewer.direction]), len(eyes_m), axis=0)
         triangles = self._layer.sort(windows, eyes_m, self.room_from_mesh, forward=forward)

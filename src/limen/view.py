@@ -26,12 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.display.display import Display
+from limen.display.mapping import overlaps, quilt_outlines
 from limen.display.packing import GUARD_PX
 from limen.display.panel import MAX_OUTLINE_CORNERS
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 
-__all__ = ["GUARD_PX", "NEAR_M", "PanelViews", "Windows", "quilt_from_room"]
+__all__ = ["GUARD_PX", "NEAR_M", "PanelViews", "Windows", "guard_of", "quilt_from_room"]
 
 NEAR_M = 0.02
 """What is nearer to the eye than this, on the ray through a panel's middle, is cut away."""
@@ -68,7 +69,8 @@ class Windows:
         How many eyes are drawn side by side: the quilt is that many times as wide.
     guard_px
         How far beyond its outline a panel is drawn. Without it, pixels whose centre the outline just misses stay black,
-        and whoever samples the quilt between pixels sees dotted seams.
+        and whoever samples the quilt between pixels sees dotted seams. Where a mapping of the user's own leaves no room
+        between panels it is 0, or they would draw over each other: see `guard_of`.
     """
 
     display: Display
@@ -138,6 +140,11 @@ class Windows:
             outline,
             count,
         )
+
+
+def guard_of(display: Display, quilt: Quilt) -> float:
+    """How far beyond outlines the panels of a quilt can be drawn, pixels: `GUARD_PX` where all are far enough apart."""
+    return 0.0 if any(overlaps(quilt_outlines(display, quilt), 2 * GUARD_PX)) else GUARD_PX
 
 
 class _Lines(NamedTuple):

@@ -382,3 +382,25 @@ def regions(display: Display, camera: Any) -> tuple[NDArray[np.bool_], NDArray[n
         ImageDraw.Draw(filled).polygon(corners, fill=255)
         ImageDraw.Draw(lines).line([*corners, corners[0]], fill=255)
     return binary_erosion(np.array(filled) > 0, iterations=4), binary_dilation(np.array(lines) > 0, iterations=2)
+
+
+def test_panels_that_touch_in_a_mapping_do_not_draw_over_each_other(device: Any) -> None:
+    """Two panels side by side without a gap: each shows what it shows alone."""
+    from dataclasses import replace
+
+    from limen.scene import SceneRenderer
+
+    left = facing_panel((64, 48)).panels[0]
+    right = replace(left, name="other", origin_m=(0.0, 0.24, 0.5), right=(0.6, 0.0, -0.8))
+    mapped = Display("two", (left, right), quilts=(Quilt((128, 48), (0, 1), ((0, 0), (64, 0))),))
+    viewer = Viewer((0.1, 0.0, 1.2))
+    mesh = torus_knot(4000)
+    with SceneRenderer(device, mapped, mesh) as renderer:
+        assert renderer.guard_px == 0
+        stands = renderer.room_from_mesh
+        together = {name: picture.copy() for name, picture, _ in renderer.pictures(viewer)}
+    for panel in (left, right):
+        with SceneRenderer(device, Display("one", (panel,)), mesh, room_from_mesh=stands) as renderer:
+            assert renderer.guard_px == GUARD_PX
+            ((name, alone, _),) = renderer.pictures(viewer)
+            assert (np.abs(alone.astype(int) - together[name]).max(axis=-1) > 3).sum() <= 5
