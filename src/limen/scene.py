@@ -167,6 +167,17 @@ class SceneRenderer:
                     yield f"{name}@left", left, drawn.report
                     yield f"{name}@right", rights[name], drawn.report
 
+    def quilt_pictures(
+        self, viewer: Viewer, *, overlay: SceneOverlay | None = None
+    ) -> Iterator[tuple[str, NDArray[np.uint8], SceneReport]]:
+        """Every quilt as it is drawn, named by its output or its number: (name, uint8 (H, W, 4) sRGB, report).
+
+        Two eyes that are not mixed lie side by side. An array is only valid until the next is asked for.
+        """
+        for number, quilt in enumerate(self.quilts):
+            drawn = self._draw(quilt, viewer, overlay)
+            yield quilt.output or f"quilt-{number}", self._reader.read(drawn.texture), drawn.report
+
     def seen(
         self, viewer: Viewer, cameras: Sequence[Camera], *, overlay: SceneOverlay | None = None
     ) -> list[NDArray[np.uint8]]:

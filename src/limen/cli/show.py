@@ -68,8 +68,8 @@ def show(
         bool,
         Parameter(
             negative="",
-            help="With --out: also draw the room and, of an image, the unrolled wall, of a mesh, what the viewer's eye "
-            "sees of the lit display, and what is seen from elsewhere.",
+            help="With --out, of an image: also draw the room and the unrolled wall. Of a mesh: also what the viewer's "
+            "eye sees of the lit display (eye), and what is seen from elsewhere and from afar.",
         ),
     ] = False,
     seconds: Annotated[float | None, Parameter(help="Close the window after this long.")] = None,

@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
 from numpy.typing import NDArray
 
+from limen.camera import Camera
 from limen.cli.arguments import place
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
@@ -23,8 +24,7 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import open_device
 from limen.live_scene import Animation, SceneSettings, eye_camera, posed
-from limen.present.file import thumbnail, write_picture
-from limen.present.room import draw_room
+from limen.present.file import write_picture
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
 from limen.viewer import Viewer
 
@@ -61,6 +61,9 @@ class MeshOptions:
     depth: Annotated[
         Depth, Parameter(help="panel: every panel's own, the faster. shared: the viewer camera's, on all panels.")
     ] = "panel"
+    write: Annotated[
+        Literal["panels", "quilts"], Parameter(help="With --out: a picture for every panel, or one for every quilt.")
+    ] = "panels"
     background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
     seen_from: Annotated[
         str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")
@@ -108,20 +111,19 @@ def write_mesh_frames(
     with open_device() as device, SceneRenderer(
         device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
         depth=options.depth, background=settings.background,
-    ) as renderer, out.progress("drawing panels", len(moments) * len(display.panels)) as step:  # fmt: skip
+    ) as renderer, out.progress("drawing panels", len(moments) * (len(display.panels) if options.write == "panels" else len(renderer.quilts))) as step:  # fmt: skip
         for number, viewers in enumerate(moments):
             posed(renderer, mesh, settings, viewers[0].time_s)
             target = folder / f"frame-{number:04d}"
             files: list[str] = []
-            pictures: dict[str, NDArray[np.uint8]] = {}
             reports: dict[int, SceneReport] = {}  # one for every quilt
-            for name, picture, report in renderer.pictures(viewers[0], overlay="panels" if overlay else None):
+            draw = renderer.pictures if options.write == "panels" else renderer.quilt_pictures
+            for name, picture, report in draw(viewers[0], overlay="panels" if overlay else None):
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
-                pictures[name.removesuffix("@left")] = thumbnail(picture)
                 step(1)
             if simulate:
-                for name, seen in _simulated(renderer, viewers, options, pictures, overlay):
+                for name, seen in _simulated(renderer, viewers, options, overlay):
                     files.append(str(write_picture(target / f"{name}.{suffix}", seen)))
             yield SceneReport.of(list(reports.values())), files
 
@@ -130,16 +132,18 @@ def _simulated(
     renderer: SceneRenderer,
     viewers: Sequence[Viewer],
     options: MeshOptions,
-    pictures: dict[str, Any],
     overlay: bool,
 ) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-    """What the viewer sees of the lit display, what somebody sees from elsewhere, and the room."""
+    """What the viewer sees of the lit display, and what somebody sees from elsewhere and from afar."""
     display, eye_m = renderer.display, np.array(viewers[0].position_m)
     elsewhere = np.array(place(options.seen_from, "--seen-from")) if options.seen_from else _aside(eye_m, display)
+    corners = np.concatenate([panel.outline_m for panel in display.panels])
+    is_wall = float(np.linalg.norm(display.facing)) > 0.5
+    onlooker = display.facing + np.array([0.5, 0.3, 0.0]) if is_wall else np.array([0.45, 0.35, 1.0])
     cameras = [eye_camera(display, each, _SEEN_PX) for each in (eye_m, elsewhere)]
+    cameras.append(Camera.framing(corners, onlooker, _SEEN_PX))
     seen = renderer.seen(viewers[0], cameras, overlay="panels" if overlay else None)
-    yield from zip(("eye", "elsewhere"), seen, strict=True)
-    yield "room", draw_room(display, pictures=pictures, viewers=viewers)
+    yield from zip(("eye", "elsewhere", "afar"), seen, strict=True)
 
 
 def _aside(eye_m: Floats, display: Display) -> Floats:

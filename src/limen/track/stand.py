@@ -13,7 +13,7 @@ EYE_HEIGHT_M = 1.7
 
 
 def standing_viewer(display: Display) -> Viewer:
-    """A viewer in the middle of a room, or in front of a wall at about the distance of its height.
+    """A viewer in the middle of a room, in front of a wall at about the distance of its height, or before an object.
 
     Eyes are 1.7 m high, or at the middle of a display that is smaller than a person.
     """
@@ -30,8 +30,13 @@ def standing_viewer(display: Display) -> Viewer:
         normals = np.array([panel.normal for panel in display.panels])
         outward = float(np.sum(normals * (np.array([panel.centre_m for panel in display.panels]) - middle)))
         first = display.panels[len(display.panels) // 2]
-        place = middle if outward <= 0 else first.centre_m + np.array(first.normal) * 1.0
-        look = first.centre_m - place
+        if outward > 0:  # something to walk around, looked at along -z
+            extent = float((high - low).max())
+            place = middle + np.array([0, 0, (high[2] - low[2]) / 2 + max(1.5 * extent, 0.6)])
+            look = middle - place
+        else:
+            place = middle
+            look = first.centre_m - place
     eye_height = EYE_HEIGHT_M if low[1] < EYE_HEIGHT_M < high[1] else float(middle[1])
     position = (float(place[0]), eye_height, float(place[2]))
     return Viewer(position, direction=(float(look[0]), 0.0, float(look[2]) or -1e-9))
