@@ -53,7 +53,7 @@ class OnSurface:
     ----------
     fit
         ``contain``: all of the image is shown; ``cover``: all of the surface is filled;
-        ``one-to-one``: a texel on a pixel (of the first panel).
+        ``one-to-one``: a texel on a pixel (of the first panel); unless zoomed, exactly on it.
     zoom
         Magnification on top of the fit.
     centre
@@ -89,6 +89,9 @@ class OnSurface:
         middle = np.array([surface.left + surface.width / 2, surface.top + surface.height / 2])
         scale = arrays.pitch_m * density
         offset = (arrays.surface_m - middle) * density + np.array(self.centre) * np.array(size_px)
+        if self.fit == "one-to-one" and self.zoom == 1:
+            # Between two texels every pixel would be their mean.
+            offset += np.round(offset[0]) - offset[0]
         return PanelMaps(scale, offset - scale * arrays.nudge_px)
 
 

@@ -66,12 +66,15 @@ class Drawable(NamedTuple):
         How many levels coarser that slot's page is.
     share
         0 ... 1; the shares of all entries of a page add up to 1.
+    over
+        The shares of the page's finer entries together, which are painted over this one.
     """
 
     asked: NDArray[np.int64]
     slot: NDArray[np.int32]
     coarser: NDArray[np.int32]
     share: NDArray[np.float32]
+    over: NDArray[np.float32]
 
 
 class PageTable(NamedTuple):
@@ -211,7 +214,7 @@ class Stream:
     def drawable(self, pages: NDArray[np.int64]) -> Drawable:
         """The nearest resident page of each (itself, or an ancestor), with its own ancestors while it fades in."""
         level, column, row = self._pyramid.page_of(pages)
-        found: list[tuple[NDArray[np.int64], NDArray[np.int32], int, NDArray[np.float32]]] = []
+        found: list[tuple[NDArray[np.int64], NDArray[np.int32], int, NDArray[np.float32], NDArray[np.float32]]] = []
         pending = np.arange(len(pages))
         left = np.ones(len(pages), dtype=np.float32)
         top = len(self._pyramid.levels) - 1
@@ -220,22 +223,23 @@ class Stream:
             slot = self._slot_of[page]
             fade = np.where(level[pending] + step < top, self._fade(slot), 1.0).astype(np.float32)
             here = slot >= 0
-            found.append((pending[here], slot[here], step, (left[pending] * fade)[here]))
+            found.append((pending[here], slot[here], step, (left[pending] * fade)[here], 1 - left[pending[here]]))
             left[pending[here]] *= 1 - fade[here]
             # A page without anything is asked about up to the top; what is left of the others, while they fade.
             pending = pending[(left[pending] > 0) & (level[pending] + step < top)]
             if not len(pending):
                 break
         nothing = np.setdiff1d(np.arange(len(pages)), np.concatenate([asked for asked, *_ in found]))
-        found.append((nothing, np.full(len(nothing), -1, np.int32), 0, np.ones(len(nothing), np.float32)))
+        everything = np.ones(len(nothing), np.float32)
+        found.append((nothing, np.full(len(nothing), -1, np.int32), 0, everything, 0 * everything))
         asked = np.concatenate([each[0] for each in found])
         order = np.argsort(asked, kind="stable")
         slots = np.concatenate([each[1] for each in found])[order]
         coarser = np.concatenate([np.full(len(each[0]), each[2], np.int32) for each in found])[order]
-        shares = np.concatenate([each[3] for each in found])[order]
+        shares, over = (np.concatenate([each[part] for each in found])[order] for part in (3, 4))
         used = slots[slots >= 0]
         self._last_used[used] = np.maximum(self._last_used[used], self._frame)
-        return Drawable(asked[order], slots, coarser, shares)
+        return Drawable(asked[order], slots, coarser, shares, over)
 
     def table(self) -> PageTable:
         """`drawable` for every page of the pyramid, for shaders that look pages up for themselves."""

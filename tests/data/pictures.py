@@ -37,20 +37,27 @@ def codes_of(light: NDArray[np.float64]) -> Texels:
     return np.rint(255 * np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)).astype(np.uint8)
 
 
-def halved(picture: Texels) -> Texels:
-    """Plain NumPy halving of RGB by a two-lobed Lanczos in linear light, edges repeated, sizes rounding up."""
+def halved(picture: Texels, gives_back: bool = False) -> Texels:
+    """Plain NumPy halving of RGB by a two-lobed Lanczos in linear light, edges repeated, sizes rounding up.
+
+    ``gives_back``: what no display can show of a texel goes to its four neighbours.
+    """
     place = (np.arange(8) - 3.5) / 2.0
     taps = np.sinc(place) * np.sinc(place / 2.0)
     taps /= taps.sum()
     light = light_of(picture.astype(np.float64))
     for axis in (0, 1):
-        size = light.shape[axis]
         light = np.moveaxis(light, axis, 0)
-        padded = np.concatenate([light[:1]] * 3 + [light] + [light[-1:]] * 5)
-        half = -(-size // 2)
-        light = sum(taps[k] * padded[k : k + 2 * half : 2] for k in range(8))
+        padded = np.concatenate([light[:1]] * 5 + [light] + [light[-1:]] * 7)
+        size = -(-light.shape[0] // 2) + 2  # a texel more at either end, for what it gives
+        light = sum(taps[k] * padded[k : k + 2 * size : 2] for k in range(8))
         light = np.moveaxis(light, 0, axis)
-    return codes_of(light)
+    shown = np.clip(light, 0, 1)
+    excess = light - shown
+    inner = shown[1:-1, 1:-1]
+    if gives_back:
+        inner = inner + (excess[:-2, 1:-1] + excess[2:, 1:-1] + excess[1:-1, :-2] + excess[1:-1, 2:]) / 4
+    return codes_of(inner)
 
 
 def repeated(picture: Texels, x: int, y: int, edge: int) -> Texels:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import pyvips
 import tifffile
-from pictures import halved, noisy_picture, smooth_picture, write_tiff
+from pictures import halved, light_of, noisy_picture, smooth_picture, write_tiff
 
 import limen.data
 from limen.data import bigtiff, build, partial
+from limen.data.kernels import HALO, halve_rows
+from limen.data.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import FormatError, InputError, MissingFileError, StorageError
 
 
@@ -39,9 +41,27 @@ def test_levels_equal_the_plain_linear_light_reference_to_the_code(tmp_path, mon
     assert np.array_equal(stored[0], picture)
     assert stored[-1].shape[:2] == (114, 176)
     for fine, coarse in itertools.pairwise(stored):
-        away = np.abs(halved(fine).astype(int) - coarse)
+        away = np.abs(halved(fine, gives_back=True).astype(int) - coarse)
         assert away.max() <= 1
         assert away.mean() < 0.01
+
+
+def test_a_star_keeps_its_light_from_level_to_level() -> None:
+    """Where the kernel asks for less than no light, it is taken from the star and not given to it."""
+    sky = np.full((256, 256, 3), 3, np.uint8)
+    sky[37::61, 22::53] = 255
+    light = [light_of(sky.astype(float)).sum()]
+    for _ in range(2):
+        rows, columns = sky.shape[0] // 2, sky.shape[1] // 2
+        padded = np.pad(sky, ((HALO, HALO), (0, 0), (0, 0)), mode="edge")
+        coarse = np.empty((rows, columns, 3), np.uint8)
+        halve_rows(padded, coarse, 0, columns, HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR)
+        plain = halved(sky)
+        gained, would_gain = (light_of(each.astype(float)).sum() * 4 / light_of(sky.astype(float)).sum() - 1
+                              for each in (coarse, plain))  # fmt: skip
+        assert abs(gained) < 0.6 * would_gain
+        sky = coarse
+    assert abs(light_of(sky.astype(float)).sum() * 16 / light[0] - 1) < 0.12
 
 
 def test_the_result_is_read_alike_by_vips_tifffile_and_limen(tmp_path):

@@ -30,7 +30,12 @@ _SIDE = 64
 
 
 def _sequence(studio: Any, image: Any, distances_m: Any) -> Any:
-    """Linear light of every pixel, frame by frame, as a viewer walks straight at the middle of a small panel."""
+    """Linear light of every pixel's green, frame by frame."""
+    return linear(_pictures(studio, image, distances_m)[..., 1])
+
+
+def _pictures(studio: Any, image: Any, distances_m: Any) -> Any:
+    """Frame by frame what is drawn as a viewer walks straight at the middle of a small panel, (frames, H, W, 3)."""
     panel = Panel("p", (_SIDE, _SIDE), (-_SIDE / 2 * _PITCH_M, _SIDE / 2 * _PITCH_M, 0.0), (1, 0, 0), (0, -1, 0),
                   (_PITCH_M, _PITCH_M))  # fmt: skip
     display = Display("small", (panel,))
@@ -43,9 +48,18 @@ def _sequence(studio: Any, image: Any, distances_m: Any) -> Any:
             cut = select(view, tolerance)
             studio.settle(stream, cut)
             drawn = layer.draw(cut, stream.drawable(cut.pair_page), tolerance, quilt)
-            frames.append(linear(layer.read(drawn)[..., 1]))
+            frames.append(layer.read(drawn)[..., :3].copy())
     layer.destroy()
     return np.array(frames)
+
+
+def test_a_plain_picture_stays_plain_where_levels_blend(studio: Any, memory_image: Any) -> None:
+    """Two parts of a colour, rounded one by one, add up to another: bands of a code, as wide as a blend."""
+    code = (13, 38, 71)
+    sea = memory_image(np.full((600, 600, 3), code, np.uint8))
+    edge_m = 2 * optimal_distance_m(_PITCH_M, 0.64) / KEPT
+    pictures = _pictures(studio, sea, edge_m * np.exp2(np.linspace(-0.2, 0.05, 26)))
+    np.testing.assert_array_equal(pictures, np.broadcast_to(code, pictures.shape))
 
 
 def _flicker(frames: Any) -> Any:

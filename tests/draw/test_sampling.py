@@ -102,6 +102,13 @@ def test_texel_for_pixel_is_the_image_itself(studio: Any, memory_image: Any) -> 
     assert (drawn[..., :3] == pixels).all()
 
 
+def test_texel_for_pixel_lies_on_the_pixels_where_sides_differ_by_one(studio: Any, memory_image: Any) -> None:
+    pixels = np.random.default_rng(2).integers(0, 256, (301, 501, 3), dtype=np.uint8)
+    drawn = studio.draw(memory_image(pixels), _window((500, 300)), OnSurface("one-to-one"), _FULL)["window"]
+    left_out = [(pixels[y : 300 + y, x : 500 + x] == drawn[..., :3]).all() for y in (0, 1) for x in (0, 1)]
+    assert sum(left_out) == 1
+
+
 @pytest.mark.parametrize("zoom", [0.31, 0.77, 1.0, 2.3])
 @pytest.mark.parametrize("sampling", ["sharp", "fast"])
 def test_a_smooth_image_stays_smooth_across_pages(zoom: float, sampling: str, studio: Any, memory_image: Any) -> None:

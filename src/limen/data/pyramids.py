@@ -33,8 +33,8 @@ __all__ = ["PyramidWriter"]
 
 Texels = NDArray[np.uint8]
 
-_KEPT = 8
-"""Rows kept from before: a row not yet halved reaches back 7 at most."""
+_KEPT = 12
+"""Rows kept from before: a row not yet halved reaches back 11 at most."""
 _HALVED_COLUMNS = 1024
 _TILES_PER_TASK = 8
 _LARGEST_ROWS_IN_MEMORY_BYTES = 192 << 20

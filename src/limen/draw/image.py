@@ -46,8 +46,8 @@ _BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinea
 _NUMBERS = {
     "frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7, "finer": 9,
 }  # fmt: skip
-_ADD = {"src_factor": "one", "dst_factor": "one", "operation": "add"}
-"""Levels that blend into each other are drawn one after the other; their shares of a pixel add up to one."""
+_OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operation": "add"}
+"""Levels that blend into each other are painted over each other, the coarsest first."""
 
 
 class ImageLayer:
@@ -238,7 +238,7 @@ class ImageLayer:
             kind = "bent" if self._bent else "flat"
             colours: dict[str, Any] = {"format": target_format}
             if overlay != "exact":
-                colours["blend"] = {"color": _ADD, "alpha": {**_ADD, "operation": "max"}}
+                colours["blend"] = {"color": _OVER, "alpha": {**_OVER, "src_factor": "one"}}
             constants = {"KERNEL": self._kernel, "OVERLAY": _OVERLAYS[overlay]}
             self._pipelines[key] = self._device.wgpu.create_render_pipeline(
                 label=f"image {kind}",

@@ -74,9 +74,9 @@ struct PageQuad {
     // Drawn where the logarithm of the tolerance lies between: a finer page is below, a coarser one above.
     from_log2: f32,
     until_log2: f32,
-    // Share of this page where its picture is still being exchanged for another.
+    // Share of this picture of the page, and of finer ones painted over it, while they are exchanged for one another.
     fade: f32,
-    padding: u32,
+    over: f32,
 }
 
 struct Level {
@@ -427,9 +427,13 @@ fn flat_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) inde
 fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
     let quad = quads[vertex.quad];
     let pixel = vertex.position.xy - vec2<f32>(panels[quad.panel].quilt_px);
-    // Pages of neighbouring levels overlap; the shares of all that cover a pixel add up to one.
+    // Pages of neighbouring levels overlap; the shares of all that cover a pixel add up to one. They are painted over
+    // each other, the coarsest first, and not added up: the target rounds to 8 bits each time, and the sum of two
+    // rounded parts differs by a code from either, which is seen as bands where a picture is smooth.
     let tolerance = tolerance_log2(quad.panel, pixel, flat_footprint(quad.panel));
-    let share = share_of(ramp(quad.from_log2, tolerance), ramp(quad.until_log2, tolerance)) * quad.fade;
+    let below = ramp(quad.from_log2, tolerance);
+    let own = share_of(below, ramp(quad.until_log2, tolerance));
+    let share = own * quad.fade;
     if share <= 0.0 || !in_outline(quad.panel, pixel) {
         discard;
     }
@@ -437,7 +441,11 @@ fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
     let colour = colour_of(quad.slot, texel, abs(quad.scale), quad.level, quad.coarser, quad.panel);
     let mip = panels[quad.panel].mip + frame.bias;
     let seen = tinted(colour, quad.level, mip, panels[quad.panel].true_mip, tolerance, quad.coarser);
-    return vec4<f32>(share * seen.rgb, seen.a);
+    if OVERLAY == 2u {
+        return seen;
+    }
+    let painted_over = below + own * quad.over;
+    return vec4<f32>(seen.rgb, min(share / max(1.0 - painted_over, share), 1.0));
 }
 
 // ---------------------------------------------------------------- bent

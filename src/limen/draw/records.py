@@ -91,7 +91,7 @@ PAGE_QUAD = np.dtype(
         ("from_log2", "<f4"),
         ("until_log2", "<f4"),
         ("fade", "<f4"),
-        ("padding", "<u4"),
+        ("over", "<f4"),
     ]
 )
 LEVEL = np.dtype([("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("padding", "<u4"), ("colour", "<f4", 4)])
@@ -185,7 +185,7 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     """Rows of `PAGE_QUAD` for the (panel, page) pairs of a cut that fall into a quilt.
 
     A quad holds the pixels whose centres lie in the page, so neighbours share no pixel and leave none out,
-    whatever the rasteriser rounds.
+    whatever the rasteriser rounds. The coarsest come first: finer ones are painted over them.
     """
     assert view.maps is not None
     row_of = np.full(len(view.display.panels), -1)
@@ -211,7 +211,8 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     rows["panel"], rows["level"] = row_of[panel], level
     rows["slot"], rows["coarser"] = drawable.slot[here], coarser
     rows["from_log2"], rows["until_log2"] = _ramps(view, cut, panel, page, level, cell)
-    rows["fade"] = drawable.share[here]
+    rows["fade"], rows["over"] = drawable.share[here], drawable.over[here]
+    rows = rows[np.lexsort((-coarser, -level))]
     return rows[(rows["rect_px"][:, :2] < rows["rect_px"][:, 2:]).all(axis=1)]
 
 
