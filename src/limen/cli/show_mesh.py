@@ -111,20 +111,20 @@ def write_mesh_frames(
     with open_device() as device, SceneRenderer(
         device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
         depth=options.depth, background=settings.background,
-    ) as renderer, out.progress("drawing panels", len(moments) * (len(display.panels) if options.write == "panels" else len(renderer.quilts))) as step:  # fmt: skip
+    ) as renderer, out.progress("drawing", len(moments)) as step:  # fmt: skip
         for number, viewers in enumerate(moments):
             posed(renderer, mesh, settings, viewers[0].time_s)
             target = folder / f"frame-{number:04d}"
             files: list[str] = []
             reports: dict[int, SceneReport] = {}  # one for every quilt
-            draw = renderer.pictures if options.write == "panels" else renderer.quilt_pictures
+            draw = renderer.quilt_pictures if options.write == "quilts" else renderer.pictures
             for name, picture, report in draw(viewers[0], overlay="panels" if overlay else None):
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
-                step(1)
             if simulate:
                 for name, seen in _simulated(renderer, viewers, options, overlay):
                     files.append(str(write_picture(target / f"{name}.{suffix}", seen)))
+            step(1)
             yield SceneReport.of(list(reports.values())), files
 
 
