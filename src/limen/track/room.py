@@ -14,6 +14,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import ConvexHull
 
 from limen.errors import DisplayError
 
@@ -32,6 +33,7 @@ BODY_M = 0.35
 """Nobody's eyes come closer to a wall than this: the body is in the way."""
 
 _STEEP = 0.7  # a panel whose normal leans more than this up or down is a floor, a table or a ceiling
+_FEW_ROWS = 64  # more walls than this, on an object, are taken for their outer edge
 _STEP_M = 0.02  # a line of sight is tried every so often
 
 
@@ -194,7 +196,7 @@ def room_of(display: Display) -> Room:
         If a person can stand nowhere: the walls leave no room.
     """
     rows = _rows(display)
-    footprint = np.concatenate([panel.corners_m[:, [0, 2]] for panel in display.panels])
+    footprint = np.concatenate([panel.outline_m[:, [0, 2]] for panel in display.panels])
     low, high = footprint.min(axis=0), footprint.max(axis=0)
     top_m = _top_m(display)
     facing = (rows.facing * rows.length_m[:, None]).sum(axis=0)
@@ -208,10 +210,23 @@ def room_of(display: Display) -> Room:
     inside = _room(low, high, rows, False, top_m)
     if _area_m2(inside) >= 0.5:
         return inside
-    around = _room(footprint.min(axis=0) - 2.0, footprint.max(axis=0) + 2.0, rows, True, top_m)
+    around = _room(footprint.min(axis=0) - 2.0, footprint.max(axis=0) + 2.0, _outer(rows, footprint), True, top_m)
     if _area_m2(around) < 0.5:
         raise DisplayError(f"display '{display.name}': there is no floor to stand on in front of its panels")
     return around
+
+
+def _outer(rows: Rows, footprint: Floats) -> Rows:
+    """Of many panels, the edges of the convex hull that a person walks around: a sphere has hundreds in its inside."""
+    if len(rows.start) <= _FEW_ROWS:
+        return rows
+    hull = np.unique(footprint.round(3), axis=0)
+    corners = hull[ConvexHull(hull).vertices]  # counter-clockwise in (x, z)
+    steps = np.roll(corners, -1, axis=0) - corners
+    length = np.linalg.norm(steps, axis=1)
+    along = steps / length[:, None]
+    facing = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return Rows(corners, along, length, facing, np.zeros((0, 2, 2)))  # what lies inside of it is not walked on anyway
 
 
 def _top_m(display: Display) -> float:
