@@ -1,0 +1,17 @@
+"""A mesh seen through a display of 1,024 panels in the shape of a teapot, and what that looks like from elsewhere."""
+
+import limen
+from limen.camera import Camera
+from limen.data import torus_knot
+from limen.gpu.device import open_device
+from limen.present.file import write_picture
+from limen.scene import SceneRenderer
+
+teapot = limen.Display.preset("teapot").scaled(0.2)  # a fifth of the pixels: enough for a look
+viewer = limen.Viewer((0.5, 1.6, 2.0), direction=(-0.2, -0.2, -1))
+eye = Camera(viewer.position_m, (0, 1.2, 0), size_px=(640, 480))
+friend = Camera((-1.2, 1.6, 1.8), (0, 1.2, 0), size_px=(640, 480))
+
+with open_device() as device, SceneRenderer(device, teapot, torus_knot(20_000)) as renderer:
+    for name, picture in zip(("viewer", "friend"), renderer.seen(viewer, [eye, friend]), strict=True):
+        print(write_picture(f"{name}.jpg", picture))
