@@ -54,7 +54,7 @@ def _version() -> str:
 
 app = App(
     name="limen",
-    help="Gigapixel images and 3-D scenes on any display made of flat panels, drawn to the threshold of what a viewer sees.",
+    help="Gigapixel images and 3-D scenes on any display of flat panels, drawn to the threshold of what a viewer sees.",
     version=_version,
     suppress_keyboard_interrupt=False,  # `main` says so itself
 )
