@@ -12,13 +12,15 @@ import limen
 
 SOURCE = Path(limen.__file__).parent
 SHADERS = sorted(SOURCE.rglob("*.wgsl"))
+CLIP = "clip-distances"
 
 
 @pytest.fixture(scope="module")
 def device() -> Iterator[Any]:
     import wgpu
 
-    device = wgpu.gpu.request_adapter_sync().request_device_sync()
+    adapter = wgpu.gpu.request_adapter_sync()
+    device = adapter.request_device_sync(required_features=sorted({CLIP} & set(adapter.features)))
     yield device
     device.destroy()
 
@@ -26,7 +28,10 @@ def device() -> Iterator[Any]:
 @pytest.mark.gpu
 @pytest.mark.parametrize("path", SHADERS, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_a_shader_compiles_alone(path: Path, device: Any) -> None:
-    device.create_shader_module(label=path.name, code=path.read_text(encoding="utf-8"))
+    code = path.read_text(encoding="utf-8")
+    if "enable clip_distances;" in code and CLIP not in device.features:
+        pytest.skip("THIS ADAPTER HAS NO CLIP DISTANCES: the shader that needs them was not compiled")
+    device.create_shader_module(label=path.name, code=code)
 
 
 @pytest.mark.gpu

@@ -17,6 +17,7 @@ from limen.data.mesh import Mesh
 from limen.draw.sort import DRAW_OFFSET, TriangleSorter
 from limen.draw.texels import upload_textures
 from limen.draw.views import corner_rows, scene_row
+from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.device import Device
@@ -177,9 +178,18 @@ class SceneLayer:
         return self._reader.read(texture)
 
     def read_depth(self, windows: Windows) -> NDArray[np.float32]:
-        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits."""
+        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits.
+
+        Raises
+        ------
+        DeviceLimitError
+            On OpenGL, which does not give depth away.
+        """
         texture = self._target((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]), DEPTH_FORMAT)
-        return self._reader.read(texture).view(np.float32)[..., 0]
+        try:
+            return self._reader.read(texture).view(np.float32)[..., 0]
+        except wgpu.GPUValidationError:
+            raise DeviceLimitError(f"{self._device.adapter_name} cannot read depth back: use a Vulkan driver") from None
 
     def destroy(self) -> None:
         for texture in [*self._targets.values(), self._pictures]:

@@ -20,9 +20,10 @@ def upload_textures(device: Device, textures: NDArray[np.uint8]) -> Any:
         textures = np.full((1, 1, 1, 4), 255, np.uint8)
     levels = halved_levels(textures)
     count, height, width = textures.shape[:3]
+    layers = count + 1 if count == 1 or count % 6 == 0 else count
     texture = device.wgpu.create_texture(
         label="mesh pictures",
-        size=(width, height, count),
+        size=(width, height, layers),  # OpenGL takes one layer for no array, and sixes for cubes
         mip_level_count=len(levels),
         format="rgba8unorm-srgb",
         usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
