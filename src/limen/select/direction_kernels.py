@@ -10,9 +10,10 @@ __all__ = ["cell_entries", "core_erosion", "cores_first", "panel_extents"]
 _SLACK_CELLS = 1e-3  # the shader finds cells in single precision
 _NO_CORE = 1e30
 _HORIZON = 1e-6
+_FAR = 1e30
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _dot(a, b):
     """Of three numbers each; ``@`` calls a library for that."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -25,37 +26,39 @@ def panel_extents(planes, cells, corners, corner_count, facing):
     x0 > x1 where a panel is not on a plane.
     """
     extents = np.empty((planes.shape[0], corners.shape[0], 4), np.float32)
-    extents[..., :2], extents[..., 2:] = 1.0, -1.0
-    clipped, here, there = np.empty((16, 3)), np.empty(3), np.empty(3)
+    here, there, box = np.empty(3), np.empty(3), np.empty(4)
     for f in range(planes.shape[0]):
         for n in range(corners.shape[0]):
-            if not facing[n]:
-                continue
-            count = 0
-            used = corner_count[n]
-            for k in range(used):
-                _place(here, planes[f], corners[n, k])
-                _place(there, planes[f], corners[n, (k + 1) % used])
-                if here[2] > _HORIZON:
-                    clipped[count] = here
-                    count += 1
-                if (here[2] > _HORIZON) != (there[2] > _HORIZON):
-                    share = (_HORIZON - here[2]) / (there[2] - here[2])
-                    for axis in range(3):
-                        clipped[count, axis] = here[axis] + (there[axis] - here[axis]) * share
-                    count += 1
-            if count == 0:
-                continue
-            x = clipped[:count, 0] / clipped[:count, 2]
-            y = clipped[:count, 1] / clipped[:count, 2]
-            x0, x1 = max(x.min() - _SLACK_CELLS, 0.0), min(x.max() + _SLACK_CELLS, cells - 1e-3)
-            y0, y1 = max(y.min() - _SLACK_CELLS, 0.0), min(y.max() + _SLACK_CELLS, cells - 1e-3)
-            if x0 < x1 and y0 < y1:
-                extents[f, n] = (x0, y0, x1, y1)
+            box[0], box[1], box[2], box[3] = _FAR, _FAR, -_FAR, -_FAR
+            if facing[n]:
+                for k in range(corner_count[n]):
+                    _place(here, planes[f], corners[n, k])
+                    _place(there, planes[f], corners[n, (k + 1) % corner_count[n]])
+                    _widen(box, here, there)
+            for axis in range(2):
+                extents[f, n, axis] = max(box[axis] - _SLACK_CELLS, 0.0)
+                extents[f, n, axis + 2] = min(box[axis + 2] + _SLACK_CELLS, cells - 1e-3)
+            if extents[f, n, 0] >= extents[f, n, 2] or extents[f, n, 1] >= extents[f, n, 3]:
+                extents[f, n, 0], extents[f, n, 2] = 1.0, -1.0
     return extents
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
+def _widen(box, here, there):
+    """Take a place on a picture plane into an extent, and where the line to the next one leaves for the horizon."""
+    if here[2] > _HORIZON:
+        for axis in range(2):
+            box[axis] = min(box[axis], here[axis] / here[2])
+            box[axis + 2] = max(box[axis + 2], here[axis] / here[2])
+    if (here[2] > _HORIZON) != (there[2] > _HORIZON):
+        share = (_HORIZON - here[2]) / (there[2] - here[2])
+        for axis in range(2):
+            cut = (here[axis] + (there[axis] - here[axis]) * share) / _HORIZON
+            box[axis] = min(box[axis], cut)
+            box[axis + 2] = max(box[axis + 2], cut)
+
+
+@njit(cache=True)
 def _place(out, plane, direction):
     for axis in range(3):
         out[axis] = _dot(plane[axis], direction)
@@ -140,18 +143,20 @@ def _intrusion(edge, depth, corners, count):
 
 
 @njit(cache=True)
-def cores_first(ends, entries, cells, planes, edges, depth, corner_count, erosion):
-    """The entries of every cell with those panels first whose core touches it."""
+def cores_first(ends, entries, cells, outward, edges, depth, corner_count, erosion):
+    """The entries of every cell with those panels first whose core touches it.
+
+    ``outward``: from cells to directions, shape (F, 3, 3).
+    """
     starts = np.zeros((len(ends) - 1, 2), np.uint32)
     ordered = np.zeros(max(len(entries), 1), np.uint32)
     around, place = np.empty((4, 3)), np.ones(3)
-    for f in range(planes.shape[0]):
-        outward = np.linalg.inv(planes[f])
+    for f in range(outward.shape[0]):
         for y in range(cells):
             for x in range(cells):
                 for k in range(4):
                     place[0], place[1] = x + (k & 1), y + (k >> 1)
-                    _place(around[k], outward, place)
+                    _place(around[k], outward[f], place)
                 cell = (f * cells + y) * cells + x
                 front, back = ends[cell], ends[cell + 1]
                 starts[cell, 0] = front

@@ -69,7 +69,7 @@ def direction_grid(views: PanelViews) -> DirectionGrid:
         loose_ends, loose, extents, cells, views.edges, views.corners, depth, views.corner_count
     )
     starts, ends, entries = kernels.cores_first(
-        loose_ends, loose, cells, planes, views.edges, depth, views.corner_count, erosion
+        loose_ends, loose, cells, np.linalg.inv(planes), views.edges, depth, views.corner_count, erosion
     )
     return DirectionGrid(planes, cells, starts, ends, entries, extents, erosion)
 
