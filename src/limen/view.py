@@ -55,6 +55,8 @@ class PanelViews(NamedTuple):
     corners: Floats  # (N, 8, 3)
     corner_count: NDArray[np.int64]  # (N,)
     facing: NDArray[np.bool_]  # (N,): the eye is in front of the panel
+    eye_m: Floats  # (3,), in the room
+    outline_m: Floats  # (N, 8, 3), in the room, without the guard; the same array for every eye of the same windows
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,9 @@ class Windows:
         distance = np.linalg.norm(lines.middle_m - np.asarray(eye_m, dtype=float), axis=1)
         near = np.maximum(height, 0) * np.minimum(NEAR_M / np.maximum(distance, 1e-300), 0.5)
         return PanelViews(
-            np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count, facing
-        )
+            np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count, facing,
+            np.asarray(eye_m, dtype=float), lines.outline_m,
+        )  # fmt: skip
 
     @cached_property
     def light(self) -> tuple[Floats, Floats]:
@@ -127,6 +130,9 @@ class Windows:
         arrays = self.display.arrays
         right, down, pitch_m = arrays.right[chosen], arrays.down[chosen], arrays.pitch_m[chosen]
         outline = np.zeros((len(panels), MAX_OUTLINE_CORNERS, 3))
+        outline_m = np.zeros_like(outline)
+        for row, panel in zip(outline_m, panels, strict=True):
+            row[:] = panel.outline_m[np.minimum(np.arange(MAX_OUTLINE_CORNERS), len(panel.lit_outline_px) - 1)]
         count = np.array([len(panel.lit_outline_px) for panel in panels], dtype=np.int64)
         for row, panel in zip(outline, panels, strict=True):
             row[:] = _edges_px(panel.lit_outline_px, self.guard_px)
@@ -138,6 +144,7 @@ class Windows:
             np.array([panel.outline_m.mean(axis=0) for panel in panels]),
             self.quilt.quilt_from_panel(self.display),
             outline,
+            outline_m,
             count,
         )
 
@@ -157,6 +164,7 @@ class _Lines(NamedTuple):
     middle_m: Floats  # (N, 3)
     quilt: Floats  # (N, 2, 3): quilt pixels from panel pixels
     outline: Floats  # (N, 8, 3): a x + b y + c is the distance in pixels inside an edge and its guard
+    outline_m: Floats  # (N, 8, 3): places in the room; rows beyond the number of corners repeat the last
     corner_count: NDArray[np.int64]  # (N,)
 
 

@@ -74,19 +74,21 @@ _MOST_OBLIQUE_COSINE = 0.35
 """Panels seen at less than 20 degrees stay dimmer, or all others would have to be."""
 
 
-def view_rows(views: Sequence[PanelViews], grids: Sequence[DirectionGrid], gain: Floats, falloff: Floats) -> Rows:
+def view_rows(views: Sequence[PanelViews], erosion_px: Sequence[Floats], gain: Floats, falloff: Floats) -> Rows:
     """Rows of `PANEL_VIEW`: all panels of the first eye, then all of the second.
 
     Parameters
     ----------
+    erosion_px
+        For each eye: how far inside each edge and its guard the sorter takes a panel to begin, (N, 8) or one number.
     gain, falloff
         Of every panel of the quilt, shape (N,): factor on its light, exponent of its loss with angle.
     """
     rows = np.zeros((len(views), len(gain)), PANEL_VIEW)
-    for eye, (row, view, grid) in enumerate(zip(rows, views, grids, strict=True)):
+    for eye, (row, view, erosion) in enumerate(zip(rows, views, erosion_px, strict=True)):
         row["x"][:, :3], row["y"][:, :3], row["w"][:, :3] = (view.clip[:, axis] for axis in range(3))
         row["x"][:, 3], row["y"][:, 3], row["w"][:, 3] = view.near, gain, falloff
-        row["edges"][..., :3], row["edges"][..., 3] = view.edges, grid.erosion_px
+        row["edges"][..., :3], row["edges"][..., 3] = view.edges, erosion
         row["corners"][..., :3] = view.corners
         row["corner_count"], row["eye"] = view.corner_count, eye
     return rows.reshape(-1)
