@@ -14,7 +14,10 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.data.mesh import Mesh
-from limen.draw.sort import DRAW_OFFSET, TriangleSorter
+from limen.draw.sort import TriangleSorter
+from limen.draw.sort_paper import PaperSorter
+from limen.draw.sort_peers import OctreeSorter, WholeScene
+from limen.draw.sorter import Sorter
 from limen.draw.texels import upload_textures
 from limen.draw.views import corner_rows, scene_row
 from limen.errors import DeviceLimitError
@@ -24,10 +27,19 @@ from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.view import NEAR_M, Windows
 
-__all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "Depth", "SceneLayer", "SceneOverlay"]
+__all__ = ["DEPTH_FORMAT", "METHODS", "QUILT_FORMAT", "Depth", "Method", "SceneLayer", "SceneOverlay"]
 
 Depth: TypeAlias = Literal["panel", "shared"]
 SceneOverlay: TypeAlias = Literal["panels"]
+Method: TypeAlias = Literal["limen", "paper", "hierarchy", "per-panel"]
+
+METHODS: dict[Method, type[Sorter]] = {
+    "limen": TriangleSorter,
+    "paper": PaperSorter,
+    "hierarchy": OctreeSorter,
+    "per-panel": WholeScene,
+}
+"""Ways to find the panels of a triangle: limen's own, and those that it is compared with."""
 
 QUILT_FORMAT = "rgba8unorm-srgb"
 DEPTH_FORMAT = "depth32float"
@@ -37,8 +49,9 @@ _LIGHT = np.array([0.35, 0.8, 0.5]) / np.linalg.norm([0.35, 0.8, 0.5])
 _AMBIENT = 0.25
 _NUMBERS = {
     "scene": 0, "views": 1, "triangles": 2, "ways": 3, "pairs": 4, "corners": 5, "pictures": 6, "smoothly": 7,
+    "warped": 8,
 }  # fmt: skip
-_SORTED = ("views", "triangles", "ways", "pairs")
+_SORTED = ("views", "triangles", "ways", "pairs", "warped")
 
 
 class SceneLayer:
@@ -53,7 +66,9 @@ class SceneLayer:
     clip
         Clip by distances where the adapter can; False cuts in the fragment stage, with the same picture.
     first_pairs
-        See `limen.draw.sort.TriangleSorter`.
+        See `limen.draw.sorter.Sorter`.
+    method
+        How triangles are sorted to panels: one of `METHODS`, which all draw the same picture.
 
     Raises
     ------
@@ -69,10 +84,11 @@ class SceneLayer:
         background: tuple[float, float, float] = (0.0, 0.0, 0.0),
         clip: bool = True,
         first_pairs: int | None = None,
+        method: Method = "limen",
     ) -> None:
         self._device = device
         self._background = (*background, 1.0)
-        self.sorter = TriangleSorter(device, mesh.positions, mesh.triangles, first_pairs=first_pairs)
+        self.sorter = METHODS[method](device, mesh.positions, mesh.triangles, first_pairs=first_pairs)
         self._has_holes = bool((mesh.colours[:, 3] < 128).any() or (mesh.textures[..., 3] < 128).any())
         self._clips = clip and device.can_clip and not self._has_holes
         self._fragments = load_shader(device, "limen.draw", "scene.wgsl")
@@ -170,7 +186,7 @@ class SceneLayer:
         size = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
         texture = None if target is not None else self._target(size, target_format, slot)
         view = texture.create_view() if texture is not None else target
-        self._submit(view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
+        self._submit(windows, view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
         return texture
 
     def read(self, texture: Any) -> NDArray[np.uint8]:
@@ -204,7 +220,13 @@ class SceneLayer:
     # ------------------------------------------------------------------ steps of a draw
 
     def _submit(
-        self, view: Any, depth_view: Any, target_format: str, depth: Depth, overlay: SceneOverlay | None
+        self,
+        windows: Windows,
+        view: Any,
+        depth_view: Any,
+        target_format: str,
+        depth: Depth,
+        overlay: SceneOverlay | None,
     ) -> None:
         encoder = self._device.wgpu.create_command_encoder(label="scene")
         render_pass = encoder.begin_render_pass(
@@ -217,7 +239,7 @@ class SceneLayer:
         )  # fmt: skip
         render_pass.set_pipeline(self._pipeline(target_format, depth, overlay))
         render_pass.set_bind_group(0, self._group())
-        render_pass.draw_indirect(self.sorter.arguments, DRAW_OFFSET)
+        self.sorter.record(render_pass, windows)
         render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
 
@@ -231,7 +253,8 @@ class SceneLayer:
         return self._targets[key]
 
     def _group(self) -> Any:
-        buffers = {name: self.sorter.buffers[name] for name in _SORTED}
+        # Not every way of sorting has what another draws from; the shader of this one does not look there.
+        buffers = {name: self.sorter.buffers.get(name, self.sorter.buffers["ways"]) for name in _SORTED}
         buffers |= {"scene": self._scene, "corners": self._corners}
         resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in buffers.items()}
         resources |= {"pictures": self._pictures.create_view(dimension="2d-array"), "smoothly": self._sampler}
@@ -259,7 +282,11 @@ class SceneLayer:
             self._pipelines[key] = self._device.wgpu.create_render_pipeline(
                 label=entry,
                 layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
-                vertex={"module": self._vertices, "entry_point": "vertex"},
+                vertex={
+                    "module": self._vertices,
+                    "entry_point": "vertex",
+                    "constants": {"SOURCE": self.sorter.source},
+                },
                 primitive={"topology": "triangle-list"},
                 depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"},
                 fragment={

@@ -9,6 +9,10 @@ override OVERLAY: u32 = 0u;
 
 const NO_TEXTURE = 0xffffffffu;
 
+// Where vertices come from. 0: pairs of a triangle and a panel. 1: the same, warped to their panels already. 2: the mesh
+// itself, every instance for another panel.
+override SOURCE: u32 = 0u;
+
 struct PanelView {
     x: vec4<f32>,
     y: vec4<f32>,
@@ -71,6 +75,20 @@ struct Deep {
     @builtin(frag_depth) depth: f32,
 }
 
+// As sort_paper.wgsl leaves it.
+struct Warped {
+    position: vec4<f32>,
+    way: vec3<f32>,
+    number: u32,
+}
+
+struct Pulled {
+    position: vec4<f32>,
+    way: vec3<f32>,
+    number: u32,
+    view: u32,
+}
+
 @group(0) @binding(0) var<uniform> scene: Scene;
 @group(0) @binding(1) var<storage, read> views: array<PanelView>;
 @group(0) @binding(2) var<storage, read> triangles: array<u32>;
@@ -79,18 +97,35 @@ struct Deep {
 @group(0) @binding(5) var<storage, read> corners: array<Corner>;
 @group(0) @binding(6) var pictures: texture_2d_array<f32>;
 @group(0) @binding(7) var smoothly: sampler;
+@group(0) @binding(8) var<storage, read> warped: array<Warped>;
 
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> Varyings {
-    let pair = pairs[index / 3u];
-    let number = triangles[pair.x * 3u + index % 3u];
-    let view = pair.y;
+fn pull(index: u32, instance: u32) -> Pulled {
+    if SOURCE == 1u {
+        let ready = warped[index];
+        return Pulled(ready.position, ready.way, ready.number, pairs[index / 3u].y);
+    }
+    var number = index;
+    var view = instance;
+    if SOURCE == 0u {
+        let pair = pairs[index / 3u];
+        number = triangles[pair.x * 3u + index % 3u];
+        view = pair.y;
+    }
     let way = ways[views[view].eye * scene.vertices + number].xyz;
-    let corner = corners[number];
-    var out: Varyings;
-    out.position = vec4(
+    let position = vec4(
         dot(views[view].x.xyz, way), dot(views[view].y.xyz, way), views[view].x.w, dot(views[view].w.xyz, way)
     );
+    return Pulled(position, way, number, view);
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varyings {
+    let pulled = pull(index, instance);
+    let view = pulled.view;
+    let way = pulled.way;
+    let corner = corners[pulled.number];
+    var out: Varyings;
+    out.position = pulled.position;
     out.way = way;
     out.normal = corner.normal;
     out.colour = unpack4x8unorm(corner.colour);

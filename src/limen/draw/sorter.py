@@ -270,4 +270,4 @@ def _usage(name: str) -> int:
         "pairs": usage.STORAGE | usage.COPY_SRC,
         "triangles": usage.STORAGE | usage.INDEX,
     }
-    return special.get(name, usage.STORAGE)
+    return special.get(name, int(usage.STORAGE))

@@ -19,7 +19,9 @@ from limen.view import PanelViews
 __all__ = [
     "CORNER",
     "MOST_EYES",
+    "OCTREE_FRAME",
     "PANEL_VIEW",
+    "PAPER_FRAME",
     "SCENE",
     "SORT_FRAME",
     "corner_rows",
@@ -55,6 +57,35 @@ SORT_FRAME = np.dtype(
         ("entries", "<u4", 4),
         ("eye_from_mesh", "<f4", (6, 4)),
         ("planes", "<f4", (36, 4)),
+    ]
+)
+PAPER_FRAME = np.dtype(
+    [
+        ("vertices", "<u4"),
+        ("triangles", "<u4"),
+        ("panels", "<u4"),
+        ("pair_capacity", "<u4"),
+        ("eyes", "<u4"),
+        ("padding_a", "<u4"),
+        ("padding_b", "<u4"),
+        ("padding_c", "<u4"),
+        ("leaves_per_m", "<f4", 4),
+        ("eye_leaves", "<f4", (2, 4)),
+        ("eye_from_mesh", "<f4", (6, 4)),
+        ("camera", "<f4", (6, 4)),
+    ]
+)
+OCTREE_FRAME = np.dtype(
+    [
+        ("vertices", "<u4"),
+        ("triangles", "<u4"),
+        ("panels", "<u4"),
+        ("pair_capacity", "<u4"),
+        ("eyes", "<u4"),
+        ("member_capacity", "<u4"),
+        ("padding_a", "<u4"),
+        ("padding_b", "<u4"),
+        ("eye_from_mesh", "<f4", (6, 4)),
     ]
 )
 CORNER = np.dtype([("normal", "<f4", 3), ("colour", "<u4"), ("uv", "<f4", 2), ("layer", "<u4"), ("padding", "<u4")])
