@@ -253,22 +253,22 @@ fn search(@builtin(global_invocation_id) id: vec3<u32>) {
     let b = ways[first + triangles[triangle * 3u + 1u]].xyz;
     let c = ways[first + triangles[triangle * 3u + 2u]].xyz;
     let extent = extent_of(eye, a, b, c);
-    let end = eye * frame.panels + min((id.y + 1u) * CHUNK, frame.panels);
-    // Candidates are gathered before they are tested: lanes of a group then test together, not each in its turn.
-    var candidates: array<u32, 16>;
-    var count = 0u;
-    for (var view = eye * frame.panels + id.y * CHUNK; view < end; view++) {
-        if overlap(extent, extents[view]) {
-            candidates[count] = view;
-            count++;
-        }
-        if count == 16u || view + 1u == end {
-            for (var i = 0u; i < count; i++) {
-                if touches(candidates[i], a, b, c) {
-                    emit(triangle, candidates[i]);
-                }
+    let base = eye * frame.panels;
+    let end = min((id.y + 1u) * CHUNK, frame.panels);
+    for (var four = id.y * CHUNK; four < end; four += 4u) {
+        // Four rectangles at a time: most often none of them overlaps.
+        var near = vec4(
+            overlap(extent, extents[base + four]), overlap(extent, extents[base + four + 1u]),
+            overlap(extent, extents[base + four + 2u]), overlap(extent, extents[base + four + 3u])
+        );
+        // A loop instead of a condition: software adapters go through what a condition skips, with all lanes off.
+        var panel = four;
+        while any(near) {
+            if near.x && panel < end && touches(base + panel, a, b, c) {
+                emit(triangle, base + panel);
             }
-            count = 0u;
+            near = vec4(near.yzw, false);
+            panel++;
         }
     }
 }
@@ -295,28 +295,36 @@ fn touches(view: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
         }
         within &= inside;
     }
-    if any(within) {
-        return true; // a corner of the triangle lies on the panel
+    // Most are decided by now. A loop instead of a condition: software adapters go through what a condition skips.
+    var apart = false;
+    var undecided = !any(within); // a corner of the triangle lies on the panel
+    while undecided {
+        apart = has_side_between(view, corner_count, a, b, c);
+        undecided = false;
     }
-    return !(has_beyond(view, corner_count, a, b, c) || has_beyond(view, corner_count, b, c, a)
-        || has_beyond(view, corner_count, c, a, b));
+    return !apart;
 }
 
-// Whether the panel lies wholly beyond the side from `a` to `b` of a triangle.
-fn has_beyond(view: u32, corner_count: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+// Whether the panel lies wholly beyond one side of a triangle.
+fn has_side_between(view: u32, corner_count: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+    let ab = inner_side(a, b, c);
+    let bc = inner_side(b, c, a);
+    let ca = inner_side(c, a, b);
+    var beyond = vec3(true);
+    for (var k = 0u; k < corner_count && any(beyond); k++) {
+        let corner = views[view].corners[k].xyz;
+        beyond &= vec3(dot(ab.xyz, corner) < ab.w, dot(bc.xyz, corner) < bc.w, dot(ca.xyz, corner) < ca.w);
+    }
+    return any(beyond);
+}
+
+// The plane through the eye and the side from `a` to `b`, positive on the triangle; below w a direction is beyond it. All
+// zeros for a triangle that is seen edge-on: it has no inner side.
+fn inner_side(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> vec4<f32> {
     let side = cross(a, b - a);
     let slack = length(side) * 1e-6;
     let opposite = dot(side, c);
-    if abs(opposite) <= slack * length(c) {
-        return false; // seen edge-on: it has no inner side
-    }
-    let inward = side * sign(opposite);
-    for (var k = 0u; k < corner_count; k++) {
-        if dot(inward, views[view].corners[k].xyz) >= -slack {
-            return false;
-        }
-    }
-    return true;
+    return select(vec4(side * sign(opposite), -slack), vec4(0.0), abs(opposite) <= slack * length(c));
 }
 
 // Whether a triangle that goes through the plane of the eye parallel to the panel leaves it on an edge's inner side.
