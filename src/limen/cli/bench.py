@@ -10,13 +10,14 @@ from cyclopts import Parameter
 from limen.cli.output import DEFAULT, Common, Output
 from limen.errors import InputError
 from limen.study.bench import BENCHES, Measured
+from limen.study.bench_panels import PanelsRow
 
 __all__ = ["bench"]
 
 
 class BenchReport(msgspec.Struct):
     name: str
-    rows: list[Measured]
+    rows: list[Measured] | list[PanelsRow]
 
 
 def bench(
@@ -31,5 +32,5 @@ def bench(
         raise InputError(f"no benchmark is named '{name}': there are {', '.join(BENCHES)}")
     out = Output(common)
     rows = BENCHES[name](quick, lambda text: out.say(f"measuring {text} ..."))
-    out.table("", ["what", "value", "unit"], [(row.what, f"{row.value:,.3g}", row.unit) for row in rows])
+    out.table("", rows[0].columns, [row.cells() for row in rows])
     out.result(BenchReport(name, rows))

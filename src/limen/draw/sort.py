@@ -13,11 +13,12 @@ Ericson 2005, *Real-Time Collision Detection*, section 5.2.1 (separating axes).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.draw.sorter import DRAW_OFFSET, GROUP, Groups, Sorter
+from limen.draw.sorter import DRAW_OFFSET, GROUP, Groups, Parts, Sorter, Steps
 from limen.draw.views import grid_words, sort_frame, view_rows
 from limen.geometry import Floats
 from limen.select.directions import direction_grid
@@ -34,14 +35,14 @@ class TriangleSorter(Sorter):
         "frame", "views", "positions", "triangles", "ways", "grid", "waiting", "pairs", "counters", "arguments",
     )  # fmt: skip
     written = ("ways", "waiting", "pairs", "counters", "arguments")
-    steps = {
+    steps: ClassVar[Steps] = {
         "locate": ("frame", "views", "positions", "ways", "grid"),
         "assign": ("frame", "triangles", "ways", "waiting", "pairs", "counters"),
         "plan": ("counters", "arguments"),
         "search": ("frame", "views", "triangles", "ways", "grid", "waiting", "pairs", "counters"),
         "finish": ("frame", "counters", "arguments"),
     }
-    parts = {"first pass": ("locate", "assign"), "second pass": ("plan", "search", "finish")}
+    parts: ClassVar[Parts] = {"first pass": ("locate", "assign"), "second pass": ("plan", "search", "finish")}
 
     def _prepare(
         self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]

@@ -5,10 +5,10 @@ the others are tested against every panel. Then the pairs are split by panel and
 warped already. Nothing is slower than it has to be: rays go through the leaves of the octree in order and stop at the
 first hit, the second pass compares rectangles before it tests exactly, and its panels are spread over the adapter.
 
-The first pass is wrong where panels overlap in view: a triangle that is three times on the nearest panel is given to that
-one alone, though it may also show beside it, on a panel behind (a teapot's handle, a knot). `limen.draw.sort` has those
-pairs too. Both agree on displays that do not overlap in view, but for the guard band, which the first pass does not
-know.
+The first pass is wrong where panels overlap in view: a triangle that is three times on the nearest panel is given to
+that one alone, though it may also show beside it, on a panel behind (a teapot's handle, a knot). `limen.draw.sort` has
+those pairs too. Both agree on displays that do not overlap in view, but for the guard band, which the first pass does
+not know.
 
 References
 ----------
@@ -18,12 +18,12 @@ Harish, Narayanan 2013, *Designing Perspectively Correct Multiplanar Displays*, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.draw.sorter import GROUP, Groups, Sorter
+from limen.draw.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.draw.views import PAPER_FRAME, view_rows
 from limen.geometry import Floats
 from limen.select.octree import LEAVES, Octree
@@ -46,7 +46,7 @@ class PaperSorter(Sorter):
     written = (
         "views", "ways", "waiting", "found", "counters", "arguments", "extents", "tally", "pairs", "warped",
     )  # fmt: skip
-    steps = {
+    steps: ClassVar[Steps] = {
         "locate": ("frame", "views", "positions", "ways", "leaves"),
         "assign": ("frame", "triangles", "ways", "waiting", "found", "counters", "tally"),
         "project": ("frame", "views", "extents"),
@@ -55,7 +55,7 @@ class PaperSorter(Sorter):
         "scan": ("frame", "counters", "arguments", "tally"),
         "copy": ("frame", "views", "triangles", "ways", "found", "counters", "tally", "pairs", "warped"),
     }
-    parts = {
+    parts: ClassVar[Parts] = {
         "first pass": ("locate", "assign"),
         "second pass": ("project", "plan", "search"),
         "split and warp": ("scan", "copy"),

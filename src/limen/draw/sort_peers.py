@@ -1,7 +1,8 @@
 """Two ways to draw many panels that sort little or nothing, to be compared with those that sort.
 
-Both are as quick as they can be made: panels that turn their back are left out, the hierarchy is drawn by one indirect
-draw, too, and the whole scene is drawn by its indices, so that a vertex that triangles share is transformed once a panel.
+Nothing is slower than it has to be: panels that turn their back are left out, the hierarchy is drawn by one indirect
+draw, too, and the whole scene is drawn by its indices, so that a vertex that triangles share is transformed once a
+panel.
 
 References
 ----------
@@ -12,13 +13,13 @@ Harish, Narayanan 2013, *Designing Perspectively Correct Multiplanar Displays*, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
-from limen.draw.sorter import GROUP, Groups, Sorter
+from limen.draw.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.draw.views import OCTREE_FRAME, view_rows
 from limen.geometry import Floats
 from limen.select.octree import LEAVES
@@ -57,9 +58,9 @@ class _SceneSorter(Sorter):
 
 
 class OctreeSorter(_SceneSorter):
-    """An octree over the scene's triangles, built anew every frame; whole leaves are drawn for every panel they meet."""
+    """An octree over the scene's triangles, built every frame; whole leaves are drawn for every panel they meet."""
 
-    steps = {
+    steps: ClassVar[Steps] = {
         "transform": ("frame", "positions", "ways", "bounds"),
         "count": ("frame", "positions", "triangles", "bounds", "tally"),
         "scan": ("tally", "leaves", "counters"),
@@ -69,7 +70,10 @@ class OctreeSorter(_SceneSorter):
         "expand": ("frame", "leaves", "members", "hits", "pairs", "counters"),
         "finish": ("frame", "counters", "arguments"),
     }
-    parts = {"build": ("transform", "count", "scan", "fill"), "cull": ("cull", "plan", "expand", "finish")}
+    parts: ClassVar[Parts] = {
+        "build": ("transform", "count", "scan", "fill"),
+        "cull": ("cull", "plan", "expand", "finish"),
+    }
 
     _member_capacity = 0
 
@@ -113,8 +117,8 @@ class OctreeSorter(_SceneSorter):
 class WholeScene(_SceneSorter):
     """Nothing sorted: the whole mesh is drawn once for every panel that faces the eye, with a scissor around it."""
 
-    steps = {"transform": ("frame", "positions", "ways", "bounds")}
-    parts = {"transform": ("transform",)}
+    steps: ClassVar[Steps] = {"transform": ("frame", "positions", "ways", "bounds")}
+    parts: ClassVar[Parts] = {"transform": ("transform",)}
     source = 2
 
     _views: Sequence[PanelViews] = ()

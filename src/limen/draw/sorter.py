@@ -1,7 +1,7 @@
 """What all ways of sorting triangles to panels share: buffers, compute steps, counting, growing, and one draw.
 
-A way of sorting is a shader with some steps. It leaves pairs (triangle, eye * panels + panel) on the GPU and the arguments
-of the draw that takes them; `limen.draw.sort` is limen's own, the others are there to be compared with it.
+A way of sorting is a shader with some steps. It leaves pairs (triangle, eye * panels + panel) on the GPU and the
+arguments of the draw that takes them; `limen.draw.sort` is limen's own, the others are there to be compared with it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.view import PanelViews, Windows
 
-__all__ = ["DRAW_OFFSET", "GROUP", "MOST_GROUPS", "Groups", "Sorter"]
+__all__ = ["DRAW_OFFSET", "GROUP", "MOST_GROUPS", "Groups", "Parts", "Sorter", "Steps"]
 
 DRAW_OFFSET = 16
 """Where in `Sorter.arguments` the arguments of the indirect draw begin, bytes."""
@@ -32,6 +32,8 @@ GROUP = 128
 MOST_GROUPS = 65_535
 """Workgroups of a dispatch along one dimension."""
 
+Steps: TypeAlias = Mapping[str, tuple[str, ...]]
+Parts: TypeAlias = Mapping[str, tuple[str, ...]]
 Groups: TypeAlias = tuple[int, int, int] | int
 """Workgroups of a step, or where in `Sorter.arguments` they stand, bytes."""
 
@@ -62,9 +64,9 @@ class Sorter:
     """Names of the buffers, in the order of their numbers."""
     written: ClassVar[tuple[str, ...]]
     """Those that a step writes."""
-    steps: ClassVar[Mapping[str, tuple[str, ...]]]
-    """Entry points in their order, with the buffers that each uses. Whoever is started by `arguments` must not list them."""
-    parts: ClassVar[Mapping[str, tuple[str, ...]]]
+    steps: ClassVar[Steps]
+    """Entry points in their order, with the buffers of each. Whoever is started by `arguments` must not list them."""
+    parts: ClassVar[Parts]
     """Steps by what they are for: what a benchmark tells apart."""
     source: ClassVar[int] = 0
     """Where the vertex stage takes its vertices from: see ``scene.wgsl``."""

@@ -72,7 +72,7 @@ def _met(outlines: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _enters(polygons: Floats) -> NDArray[np.bool_]:
-    """Whether plane convex polygons (M, K, 3) enter the box of side 1 around the origin, whose axes do not part them."""
+    """Whether plane convex polygons (M, K, 3) enter the box of side 1 about the origin; its axes do not part them."""
     sides = np.roll(polygons, -1, axis=1) - polygons
     normals = np.cross(sides[:, 0], sides[:, 1])[:, None]
     across = np.cross(sides[:, :, None], np.eye(3)).reshape(len(polygons), -1, 3)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import msgspec
 import numpy as np
@@ -26,6 +27,7 @@ from limen.gpu.device import Device, open_device
 from limen.placement import OnSurface, one_to_one_size_px
 from limen.select.image import View, select, view_of
 from limen.stream import Stream
+from limen.study.bench_panels import PanelsRow, bench_panels
 from limen.study.charts import CHARTS, chart
 from limen.study.kernels import kernel_rows
 from limen.study.observer import Observer
@@ -34,7 +36,7 @@ from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
 from limen.viewer import Viewer
 
-__all__ = ["BENCHES", "Measured", "Walk", "bench_image", "measure_walk", "one_to_one_room", "walk_viewers"]
+__all__ = ["BENCHES", "Measured", "Table", "Walk", "bench_image", "measure_walk", "one_to_one_room", "walk_viewers"]
 
 Say = Callable[[str], None]
 _KINDS: tuple[Sampling, ...] = ("sharp", "fast")
@@ -58,6 +60,11 @@ class Measured(msgspec.Struct, frozen=True):
     what: str
     value: float
     unit: str
+
+    columns: ClassVar[tuple[str, ...]] = ("what", "value", "unit")
+
+    def cells(self) -> tuple[str, ...]:
+        return (self.what, f"{self.value:,.3g}", self.unit)
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,13 @@ def bench_kernels(quick: bool, say: Say) -> list[Measured]:
     return rows
 
 
-BENCHES: dict[str, Callable[[bool, Say], list[Measured]]] = {"image": bench_image, "kernels": bench_kernels}
+Table = list[Measured] | list[PanelsRow]
+
+BENCHES: dict[str, Callable[[bool, Say], Table]] = {
+    "image": bench_image,
+    "kernels": bench_kernels,
+    "panels": bench_panels,
+}
 
 
 def _frames(quick: bool) -> list[Measured]:

@@ -1,0 +1,385 @@
+"""How long many panels take: limen beside the published sorting, a hierarchy a frame, and a scene a panel.
+
+The points are those of the paper's figures: 18 (panels), 19 (parts of the frame), 20 (pixels of the quilt) and 21
+(triangles); its displays, with an icosphere of 1,280 panels among them, a bumpy knot inside, and an eye that walks
+around. All ways of sorting draw the same picture with the same shaders, and take turns within a run.
+
+References
+----------
+Harish, Narayanan 2013, *Designing Perspectively Correct Multiplanar Displays*, section 4.2.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import statistics
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import ClassVar, NamedTuple
+
+import msgspec
+import numpy as np
+
+from limen.data import Mesh, torus_knot
+from limen.display import shapes
+from limen.display.display import Display
+from limen.display.mesh import PolygonMesh, panels_of_mesh
+from limen.display.packing import pack_outlines
+from limen.draw.scene import METHODS, Method, SceneLayer
+from limen.errors import DeviceLimitError
+from limen.geometry import Floats
+from limen.gpu.device import Device, open_device
+from limen.view import Windows
+
+__all__ = ["DISPLAYS", "Budget", "PanelsRow", "Point", "Stage", "aims", "bench_panels", "measure", "points", "stage"]
+
+Say = Callable[[str], None]
+
+DISPLAYS: dict[str, tuple[str, dict[str, float]]] = {
+    "icosahedron": ("icosahedron", {}),
+    "120": ("disdyakis-triacontahedron", {}),
+    "sphere-840": ("sphere", {"columns": 40, "rows": 21}),
+    "spring": ("spring", {}),
+    "teapot": ("teapot", {}),
+    "knot": ("knot", {}),
+    "icosphere": ("icosphere", {}),
+    "sphere": ("sphere", {}),
+}
+"""Shapes and their parameters; the icosphere's 1,280 panels have aims of their own."""
+
+_EVERY: tuple[Method, ...] = tuple(METHODS)
+_TWO: tuple[Method, ...] = ("limen", "paper")
+_TRIANGLES = 69_716
+_MPX = 1 << 20
+_FILL = 0.8  # of a packed quilt, about
+_RADII = 3.0  # from the middle of a display to the eye, in radii of the display
+_SCENE = 0.9  # of a display's radius
+_QUICK_LIMIT_S, _FULL_LIMIT_S = 2.5, 45.0
+
+
+class PanelsRow(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One way at one point; medians over frames. What was not measured is null, and ``note`` says why."""
+
+    figure: int
+    """Of the paper."""
+    display: str
+    panels: int
+    triangles: int
+    quilt_px: int
+    method: str
+    pairs: int | None = None
+    """Of a triangle and a panel that it was drawn for."""
+    sort_ms: float | None = None
+    """From the eye's place to all pairs, the processor's part included."""
+    draw_ms: float | None = None
+    frame_ms: float | None = None
+    sort_cpu_ms: float | None = None
+    """Of all threads of this process: steadier than the clock where the adapter is software and others compute, too."""
+    frame_cpu_ms: float | None = None
+    frames: int = 0
+    parts_ms: dict[str, float] = {}
+    """Parts of the frame, waited for one by one (figure 19)."""
+    note: str = ""
+
+    columns: ClassVar[tuple[str, ...]] = (
+        "display", "figure", "panels", "triangles", "Mpixel", "method", "pairs", "sort ms", "draw ms", "frame ms",
+        "cpu sort", "cpu frame",
+    )  # fmt: skip
+
+    def cells(self) -> tuple[str, ...]:
+        times = (self.sort_ms, self.draw_ms, self.frame_ms, self.sort_cpu_ms, self.frame_cpu_ms)
+        return (
+            self.display, str(self.figure), f"{self.panels:,}", f"{self.triangles:,}", f"{self.quilt_px / _MPX:.3g}",
+            self.method, "" if self.pairs is None else f"{self.pairs:,}",
+            *("" if value is None else f"{value:,.1f}" for value in times),
+        )  # fmt: skip
+
+
+class Point(NamedTuple):
+    """What is measured together."""
+
+    figure: int
+    display: str
+    triangles: int
+    quilt_px: int
+    methods: tuple[Method, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A display with its quilt, and the sizes of the scene and the walk around it, metres."""
+
+    windows: Windows
+    scene_m: float
+    eye_m: float
+
+    def eyes_m(self, frames: int) -> Iterator[Floats]:
+        """Places on a walk around the display, up and down on the way: shape (1, 3) each."""
+        for number in range(frames):
+            turn = 0.3 + 2 * math.pi * number / max(frames, 1)
+            up = 0.25 * math.sin(2 * turn)
+            flat = math.sqrt(1 - up * up)
+            yield self.eye_m * np.array([[flat * math.sin(turn), up, flat * math.cos(turn)]])
+
+
+class _Times(NamedTuple):
+    """Seconds by the clock, and of the processor."""
+
+    sort: float
+    frame: float
+    sort_cpu: float
+    frame_cpu: float
+
+
+_WORK: dict[str, Callable[[int, int], float]] = {
+    "limen": lambda _panels, triangles: triangles,
+    "paper": lambda panels, triangles: triangles * (panels + 200),
+    "hierarchy": lambda panels, triangles: triangles * math.sqrt(panels),
+    "per-panel": lambda panels, triangles: triangles * panels,
+}
+"""What the time of a frame grows with, roughly."""
+
+
+@dataclass
+class Budget:
+    """What a frame of each way costs, learnt from the points before, so that nothing is begun that takes too long."""
+
+    limit_s: float
+    rates_s: dict[str, float] = field(default_factory=dict)
+
+    def predicted_s(self, method: str, panels: int, triangles: int) -> float:
+        """Of one frame; 0 where nothing is known yet."""
+        return self.rates_s.get(method, 0.0) * _WORK[method](panels, triangles)
+
+    def learn(self, method: str, panels: int, triangles: int, frame_s: float) -> None:
+        """The least seen for the work counts: small points have costs that do not grow with it."""
+        rate_s = frame_s / _WORK[method](panels, triangles)
+        self.rates_s[method] = min(rate_s, self.rates_s.get(method, rate_s))
+
+
+def points(quick: bool) -> list[Point]:
+    """All points, small ones first in each figure."""
+    size, many = (_MPX, _TRIANGLES // 8) if quick else (4 * _MPX, _TRIANGLES)
+    shown = ("icosahedron", "120", "knot", "icosphere") if quick else tuple(DISPLAYS)
+    found = [Point(18, name, many, size, _EVERY) for name in shown]
+    found += [Point(19, name, many, size, _TWO) for name in (("icosphere",) if quick else shown)]
+    found += [
+        Point(20, "knot", many, pixels, _TWO)
+        for pixels in ((_MPX // 4, 4 * _MPX) if quick else (_MPX // 4, _MPX, 4 * _MPX, 16 * _MPX, 64 * _MPX))
+    ]
+    counts = (6_000, 69_716) if quick else (6_000, 69_716, 174_000, 348_000, 871_000)
+    wide = ("sphere",) if quick else ("icosahedron", "120", "teapot", "sphere")
+    found += [
+        Point(21, name, count, size, _TWO if quick else _EVERY) for name, count in itertools.product(wide, counts)
+    ]
+    return found
+
+
+def bench_panels(quick: bool, say: Say) -> list[PanelsRow]:
+    """Rows of ``limen bench panels``."""
+    rows: list[PanelsRow] = []
+    budget = Budget(_QUICK_LIMIT_S if quick else _FULL_LIMIT_S)
+    with open_device() as device:
+        say(f"on {device.adapter_name}")
+        for point in points(quick):
+            say(f"figure {point.figure}: {point.display}, {point.triangles:,} triangles, {point.quilt_px:,} pixels")
+            rows += measure(device, point, frames=3 if quick else 5, budget=budget)
+    for text in aims(rows):
+        say(text)
+    return rows
+
+
+def aims(rows: Sequence[PanelsRow]) -> list[str]:
+    """What was aimed at, beside what these rows say of it; by processor time, as others may use the machine."""
+    ours = [row for row in rows if row.method == "limen" and row.frame_cpu_ms]
+    shares = [(row.sort_cpu_ms or 0) / (row.frame_cpu_ms or 1) for row in ours]
+    found = []
+    if shares:
+        most = ours[int(np.argmax(shares))]
+        found.append(
+            f"sorting's share of limen's frame: {min(shares):.0%} to {max(shares):.0%} (aim: under 25 %); most at "
+            f"{most.panels:,} panels, {most.triangles:,} triangles, {most.quilt_px / _MPX:.3g} Mpixel"
+        )
+    by_method = {row.method: row for row in rows if row.figure == 18 and row.display == "icosphere"}
+    for method, what, aim in (("paper", "sort", 5), ("per-panel", "frame", 8)):
+        one, other = (getattr(by_method.get(name), f"{what}_cpu_ms", None) for name in ("limen", method))
+        if one and other:
+            found.append(f"{what}, {method} / limen at 1,280 panels: {other / one:.1f} (aim: at least {aim})")
+    return found
+
+
+@cache
+def stage(name: str, quilt_px: int) -> Stage:
+    """One of `DISPLAYS` around the room's origin, as finely as makes a quilt of about that many pixels."""
+    kind, parameters = DISPLAYS[name]
+    mesh = _icosphere() if kind == "icosphere" else shapes.shape(kind, **parameters)
+    coarse = Display(name, tuple(panels_of_mesh(mesh, name, 0.01)))
+    area_m2 = sum(_area_px2(panel.lit_outline_px) * math.prod(panel.pitch_m) for panel in coarse.panels)
+    pitch_m = math.sqrt(area_m2 / (_FILL * quilt_px))
+    display = Display(name, tuple(panels_of_mesh(mesh, name, pitch_m)))
+    quilt = pack_outlines(display, max_size_px=16_384, max_px=2 * quilt_px)[0]
+    half = (mesh.corners.max(axis=0) - mesh.corners.min(axis=0)) / 2
+    return Stage(Windows(display, quilt), _SCENE * float(np.prod(half) ** (1 / 3)), _RADII * float(half.max()))
+
+
+def measure(device: Device, point: Point, *, frames: int, budget: Budget) -> list[PanelsRow]:
+    """Rows of one point, a way each; what the budget forbids has a note instead of times."""
+    scenery = stage(point.display, point.quilt_px)
+    mesh = torus_knot(point.triangles)
+    panels = len(scenery.windows.quilt.panels)
+    scene = _Scene(device, mesh, scenery, np.diag([scenery.scene_m] * 3 + [1.0]))
+    predicted_s = {method: budget.predicted_s(method, panels, mesh.size) for method in point.methods}
+    layers: dict[Method, SceneLayer] = {}
+    notes: dict[Method, str] = {}
+    pairs: dict[Method, int] = {}
+    times: dict[Method, list[_Times]] = {method: [] for method in point.methods}
+    parts: dict[Method, dict[str, float]] = {}
+    try:
+        for method in point.methods:
+            try:
+                if predicted_s[method] > budget.limit_s:
+                    raise DeviceLimitError(f"a frame would take about {predicted_s[method]:.0f} s")
+                layers[method] = scene.layer(method)
+            except DeviceLimitError as error:
+                notes[method] = f"not measured: {error}"
+        for number, eye_m in enumerate(scenery.eyes_m(frames)):
+            # Whoever draws first finds other things in the caches, so they take turns.
+            for method in _turned(list(layers), number):
+                if number == 0 or (number + 1) * predicted_s[method] <= budget.limit_s:
+                    pairs[method], spent = scene.frame(layers[method], eye_m)
+                    times[method].append(spent)
+                    budget.learn(method, panels, mesh.size, spent.frame)
+                    predicted_s[method] = spent.frame
+        if point.figure == 19:
+            parts = {method: scene.parts(layer, frames) for method, layer in layers.items()}
+    finally:
+        for layer in layers.values():
+            layer.destroy()
+    size_px = math.prod(scenery.windows.quilt.size_px)
+    empty = PanelsRow(
+        figure=point.figure, display=point.display, panels=panels, triangles=mesh.size, quilt_px=size_px, method=""
+    )
+    return [
+        _filled(
+            msgspec.structs.replace(empty, method=method, note=notes.get(method, ""), parts_ms=parts.get(method, {})),
+            times[method], pairs.get(method),
+        )
+        for method in point.methods
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Scene:
+    """What all ways draw."""
+
+    device: Device
+    mesh: Mesh
+    stage: Stage
+    room_from_mesh: Floats
+
+    def layer(self, method: Method) -> SceneLayer:
+        """A layer that has drawn a frame already, and so has compiled its shaders and made its room.
+
+        Raises
+        ------
+        DeviceLimitError
+            If the adapter has too little memory for it.
+        """
+        layer = SceneLayer(self.device, self.mesh, method=method)
+        try:
+            self.frame(layer, next(self.stage.eyes_m(1)))
+        except BaseException:
+            layer.destroy()
+            raise
+        return layer
+
+    def frame(self, layer: SceneLayer, eye_m: Floats) -> tuple[int, _Times]:
+        """Pairs and times of one frame."""
+        begin, begin_cpu = time.perf_counter(), time.process_time()
+        pairs = layer.sort(self.stage.windows, eye_m, self.room_from_mesh)
+        middle, middle_cpu = time.perf_counter(), time.process_time()
+        layer.draw(self.stage.windows)
+        self._wait(layer)
+        end, end_cpu = time.perf_counter(), time.process_time()
+        return pairs, _Times(middle - begin, end - begin, middle_cpu - begin_cpu, end_cpu - begin_cpu)
+
+    def parts(self, layer: SceneLayer, frames: int) -> dict[str, float]:
+        """Milliseconds of the parts of a frame, by what is steadier: processor time on a software adapter.
+
+        Every part is run and waited for alone; ``processor`` is what sorting takes beyond the sum of its parts.
+        """
+        clock = time.process_time if self.device.is_software else time.perf_counter
+        spent: dict[str, list[float]] = {}
+
+        def timed(name: str, call: Callable[[], object]) -> None:
+            begin = clock()
+            call()
+            self._wait(layer)
+            spent.setdefault(name, []).append((clock() - begin) * 1e3)
+
+        windows = self.stage.windows
+        for eye_m in self.stage.eyes_m(frames):
+            timed("sort", partial(layer.sort, windows, eye_m, self.room_from_mesh))
+            for name, steps in layer.sorter.parts.items():
+                timed(name, partial(layer.sorter.submit, steps))
+            timed("drawing", partial(layer.draw, windows))
+            timed("shared", partial(layer.draw, windows, depth="shared"))
+        medians = {name: statistics.median(values) for name, values in spent.items()}
+        sorting = {name: medians[name] for name in layer.sorter.parts}
+        return {
+            "processor": max(medians["sort"] - sum(sorting.values()), 0.0),
+            **sorting,
+            "drawing": medians["drawing"],
+            "depth by fragments": max(medians["shared"] - medians["drawing"], 0.0),
+        }
+
+    def _wait(self, layer: SceneLayer) -> None:
+        """Until everything that was submitted is done: what is read comes after it."""
+        self.device.wgpu.queue.read_buffer(layer.sorter.buffers["counters"].buffer, size=4)
+
+
+def _filled(row: PanelsRow, times: list[_Times], pairs: int | None) -> PanelsRow:
+    if not times:
+        return row
+    sort, frame, sort_cpu, frame_cpu = (statistics.median(values) * 1e3 for values in zip(*times, strict=True))
+    draw = statistics.median([one.frame - one.sort for one in times]) * 1e3
+    return msgspec.structs.replace(
+        row, pairs=pairs, frames=len(times), sort_ms=sort, draw_ms=draw, frame_ms=frame, sort_cpu_ms=sort_cpu,
+        frame_cpu_ms=frame_cpu,
+    )  # fmt: skip
+
+
+def _turned(methods: list[Method], number: int) -> list[Method]:
+    first = number % max(len(methods), 1)
+    return methods[first:] + methods[:first]
+
+
+def _area_px2(corners: Floats) -> float:
+    x, y = corners.T
+    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+
+
+def _icosphere(splits: int = 3, radius_m: float = 0.45) -> PolygonMesh:
+    """An icosahedron whose faces were split into four several times: 1,280 triangles."""
+    solid = shapes.icosahedron(radius_m=1.0)
+    corners = list(solid.corners)
+    faces = list(solid.faces)
+    for _ in range(splits):
+        middles: dict[tuple[int, int], int] = {}
+
+        def middle(a: int, b: int, middles: dict[tuple[int, int], int] = middles) -> int:
+            key = (min(a, b), max(a, b))
+            if key not in middles:
+                middles[key] = len(corners)
+                both = corners[a] + corners[b]
+                corners.append(both / np.linalg.norm(both))
+            return middles[key]
+
+        split = [(a, b, c, middle(a, b), middle(b, c), middle(c, a)) for a, b, c in faces]
+        faces = [
+            face for a, b, c, ab, bc, ca in split for face in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        ]
+    return PolygonMesh(np.array(corners) * radius_m, tuple(faces), "icosphere")
