@@ -16,9 +16,9 @@ struct Frame {
     triangles: u32,
     panels: u32,
     pair_capacity: u32,
-    // Per eye: picture planes, cells along a side, where in `grid` its cells and its panels' rectangles begin.
+    // Per eye: picture planes, cells along a side, where in `grid` its cells and its panels' rectangles begin, in fours.
     grids: array<vec4<u32>, 2>,
-    // Per eye: where in `grid` the entries begin.
+    // Per eye: where in `grid` the entries begin, in fours.
     entries: vec4<u32>,
     // Per eye, three rows: the way from the eye to a vertex, from the mesh's coordinates.
     eye_from_mesh: array<vec4<f32>, 6>,
@@ -53,9 +53,9 @@ const SLACK = 1e-3;
 @group(0) @binding(3) var<storage, read> triangles: array<u32>;
 // The way from the eye, and the number of the panel (in single precision, exact below 2^24) or NOWHERE.
 @group(0) @binding(4) var<storage, read_write> ways: array<vec4<f32>>;
-// Per eye: a row for every cell (first entry, first that is no core, end); one for every plane and panel (its extent, in
-// cells, as bits of x0, y0, x1, y1); entries, four a row.
-@group(0) @binding(5) var<storage, read> grid: array<vec4<u32>>;
+// Per eye: four numbers for every cell (first entry, first that is no core, end); four for every plane and panel (its
+// extent, in cells, as bits of x0, y0, x1, y1); entries.
+@group(0) @binding(5) var<storage, read> grid: array<u32>;
 @group(0) @binding(6) var<storage, read_write> waiting: array<u32>;
 @group(0) @binding(7) var<storage, read_write> pairs: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read_write> counters: Counters;
@@ -69,8 +69,10 @@ fn in_cells(eye: u32, plane: u32, way: vec3<f32>) -> vec3<f32> {
     );
 }
 
-fn entry_of(eye: u32, entry: u32) -> u32 {
-    return grid[frame.entries[eye] + entry / 4u][entry % 4u];
+// First entry, first that is no core, and end.
+fn entries_of(first_cell: u32, cell: u32) -> vec3<u32> {
+    let row = (first_cell + cell) * 4u;
+    return vec3(grid[row], grid[row + 1u], grid[row + 2u]);
 }
 
 fn in_core(view: u32, way: vec3<f32>) -> bool {
@@ -96,9 +98,10 @@ fn core_around(eye: u32, way: vec3<f32>) -> f32 {
             continue;
         }
         let cell = min(vec2<u32>(place.xy / place.z), vec2(cells - 1u));
-        let listed = grid[frame.grids[eye].z + (plane * cells + cell.y) * cells + cell.x];
+        let listed = entries_of(frame.grids[eye].z, (plane * cells + cell.y) * cells + cell.x);
+        let entries = frame.entries[eye] * 4u;
         for (var entry = listed.x; entry < listed.y; entry++) {
-            let panel = entry_of(eye, entry);
+            let panel = grid[entries + entry];
             if in_core(eye * frame.panels + panel, way) {
                 return f32(panel);
             }
@@ -182,8 +185,9 @@ fn joined(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {
     return vec4(min(a.xy, b.xy), max(a.zw, b.zw));
 }
 
-fn panel_extent(eye: u32, plane: u32, panel: u32) -> vec4<f32> {
-    return bitcast<vec4<f32>>(grid[frame.grids[eye].w + plane * frame.panels + panel]);
+fn panel_extent(first_extent: u32, plane: u32, panel: u32) -> vec4<f32> {
+    let row = (first_extent + plane * frame.panels + panel) * 4u;
+    return bitcast<vec4<f32>>(vec4(grid[row], grid[row + 1u], grid[row + 2u], grid[row + 3u]));
 }
 
 fn overlap(a: vec4<f32>, b: vec4<f32>) -> bool {
@@ -266,9 +270,14 @@ fn search(@builtin(global_invocation_id) id: vec3<u32>) {
     let b = ways[first + triangles[triangle * 3u + 1u]].xyz;
     let c = ways[first + triangles[triangle * 3u + 2u]].xyz;
     var extents: array<vec4<f32>, 6>;
-    let cells = frame.grids[eye].y;
+    // Read once: what differs between eyes is dear to look up in the loops.
+    let all_of_eye = frame.grids[eye];
+    let cells = all_of_eye.y;
+    let first_cell = all_of_eye.z;
+    let first_extent = all_of_eye.w;
+    let entries = frame.entries[eye] * 4u;
     let last = f32(cells) - 1.0;
-    for (var plane = 0u; plane < frame.grids[eye].x; plane++) {
+    for (var plane = 0u; plane < all_of_eye.x; plane++) {
         let extent = extent_of(eye, plane, a, b, c);
         extents[plane] = extent;
         if !overlap(extent, vec4(0.0, 0.0, last + 1.0, last + 1.0)) {
@@ -279,63 +288,51 @@ fn search(@builtin(global_invocation_id) id: vec3<u32>) {
         let span = to_cell - from_cell + 1u;
         // Going through all panels once is cheaper than through a great many cells.
         let all_panels = span.x * span.y * 2u > frame.panels;
-        // Candidates are gathered before they are tested: lanes of a group then test together, not each in its turn.
-        var found: array<u32, 16>;
-        var count = 0u;
-        var cell = from_cell;
-        var entry = 0u;
-        var end = frame.panels;
-        if !all_panels {
-            let listed = grid[frame.grids[eye].z + (plane * cells + cell.y) * cells + cell.x];
-            entry = listed.x;
-            end = listed.z;
+        if all_panels {
+            for (var panel = 0u; panel < frame.panels; panel++) {
+                var near = overlap(extent, panel_extent(first_extent, plane, panel))
+                    && is_new(first_extent, cells, plane, panel, &extents);
+                // A loop instead of a condition: software adapters go through what a condition skips.
+                while near {
+                    emit_touched(triangle, eye * frame.panels + panel, a, b, c);
+                    near = false;
+                }
+            }
+            continue;
         }
-        loop {
-            if entry < end {
-                let panel = select(entry_of(eye, select(entry, 0u, all_panels)), entry, all_panels);
-                entry++;
-                let theirs = panel_extent(eye, plane, panel);
-                if overlap(extent, theirs) {
+        for (var y = from_cell.y; y <= to_cell.y; y++) {
+            for (var x = from_cell.x; x <= to_cell.x; x++) {
+                let listed = entries_of(first_cell, (plane * cells + y) * cells + x);
+                for (var entry = listed.x; entry < listed.z; entry++) {
+                    let panel = grid[entries + entry];
+                    let theirs = panel_extent(first_extent, plane, panel);
                     // They may share many cells: the first speaks for all.
                     let shared_cell = max(from_cell, vec2<u32>(max(theirs.xy, vec2(0.0))));
-                    if (all_panels || all(cell == shared_cell)) && is_new(eye, plane, panel, &extents) {
-                        found[count] = panel;
-                        count++;
+                    var near = overlap(extent, theirs) && x == shared_cell.x && y == shared_cell.y
+                        && is_new(first_extent, cells, plane, panel, &extents);
+                    while near {
+                        emit_touched(triangle, eye * frame.panels + panel, a, b, c);
+                        near = false;
                     }
-                }
-            } else if !all_panels && (cell.x < to_cell.x || cell.y < to_cell.y) {
-                cell.x++;
-                if cell.x > to_cell.x {
-                    cell = vec2(from_cell.x, cell.y + 1u);
-                }
-                let listed = grid[frame.grids[eye].z + (plane * cells + cell.y) * cells + cell.x];
-                entry = listed.x;
-                end = listed.z;
-                continue;
-            } else {
-                end = 0u;
-            }
-            if count == 16u || end == 0u {
-                for (var i = 0u; i < count; i++) {
-                    if touches(eye * frame.panels + found[i], a, b, c) {
-                        emit(triangle, eye * frame.panels + found[i]);
-                    }
-                }
-                count = 0u;
-                if end == 0u {
-                    break;
                 }
             }
         }
     }
 }
 
+fn emit_touched(triangle: u32, view: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) {
+    if touches(view, a, b, c) {
+        emit(triangle, view);
+    }
+}
+
 // Not met already on an earlier picture plane.
-fn is_new(eye: u32, plane: u32, panel: u32, extents: ptr<function, array<vec4<f32>, 6>>) -> bool {
+fn is_new(
+    first_extent: u32, cells: u32, plane: u32, panel: u32, extents: ptr<function, array<vec4<f32>, 6>>
+) -> bool {
     for (var before = 0u; before < plane; before++) {
-        let cells = f32(frame.grids[eye].y);
-        let seen = vec4(max((*extents)[before].xy, vec2(0.0)), min((*extents)[before].zw, vec2(cells)));
-        if overlap(seen, panel_extent(eye, before, panel)) {
+        let seen = vec4(max((*extents)[before].xy, vec2(0.0)), min((*extents)[before].zw, vec2(f32(cells))));
+        if overlap(seen, panel_extent(first_extent, before, panel)) {
             return false;
         }
     }

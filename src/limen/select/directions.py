@@ -21,7 +21,7 @@ from limen.view import PanelViews
 __all__ = ["DirectionGrid", "direction_grid"]
 
 _WIDEST_COS = math.cos(math.radians(65))
-_CELLS_PER_PANEL = 3.0
+_CELLS_PER_PANEL = 6.0
 _MOST_CELLS = 96  # along a side of one picture plane
 _SIDES = np.array(
     [
