@@ -27,7 +27,8 @@ from limen.view import PanelViews, Windows
 
 __all__ = ["OctreeSorter", "WholeScene"]
 
-_FIRST_MEMBERS = 1.5  # leaves a triangle that room is made for at first
+_FIRST_MEMBERS = 4  # leaves a triangle that room is made for at first
+_FIRST_MEMBERS_IN_ALL = 8_192
 _HIT_BYTES = 16
 
 
@@ -81,7 +82,7 @@ class OctreeSorter(_SceneSorter):
         self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]
     ) -> NDArray[np.void]:
         if not self._member_capacity:
-            self._member_capacity = int(self.triangle_count * _FIRST_MEMBERS) + LEAVES**3
+            self._member_capacity = self.triangle_count * _FIRST_MEMBERS + _FIRST_MEMBERS_IN_ALL
         self.buffers["tally"].reserve(LEAVES**3 * 4)
         self.buffers["leaves"].reserve(LEAVES**3 * 8)
         self.buffers["hits"].reserve(LEAVES**3 * self.panels * self.eyes * _HIT_BYTES)
