@@ -11,6 +11,7 @@ import pytest
 
 from limen.study import bench_panels
 from limen.study.bench_panels import DISPLAYS, Budget, PanelsRow, Point, aims, measure, points, stage
+from limen.study.panels_plot import panels_picture
 
 METHODS = ("limen", "paper", "hierarchy", "per-panel")
 
@@ -71,7 +72,7 @@ def test_what_would_take_too_long_is_not_begun_and_says_so(device: Any) -> None:
 def row(method: str, sort: float, frame: float, display: str = "icosphere") -> PanelsRow:
     return PanelsRow(
         figure=18, display=display, panels=1_280, triangles=1, quilt_px=1 << 20, method=method, sort_ms=sort,
-        draw_ms=frame - sort, frame_ms=frame, sort_cpu_ms=sort, frame_cpu_ms=frame,
+        draw_ms=frame - sort, frame_ms=frame, sort_cpu_ms=sort, frame_cpu_ms=frame, frames=1,
     )  # fmt: skip
 
 
@@ -82,6 +83,19 @@ def test_aims_are_ratios_of_the_rows() -> None:
     assert "8.0 (aim: at least 5)" in sorting
     assert "10.0 (aim: at least 8)" in frame
     assert aims([]) == []
+    # On a graphics adapter there is the clock alone.
+    by_clock = [msgspec.structs.replace(one, sort_cpu_ms=None, frame_cpu_ms=None) for one in rows]
+    assert aims(by_clock) == aims(rows)
+
+
+def test_the_picture_shows_what_was_measured() -> None:
+    parts = {"first pass": 3.0, "drawing": 40.0}
+    rows = [row("limen", 10, 50), row("limen", 30, 60, "knot"), row("paper", 80, 110)]
+    pictures = [
+        panels_picture([msgspec.structs.replace(one, parts_ms=given) for one in rows], "png")
+        for given in (parts, parts, {**parts, "drawing": 20.0})
+    ]
+    assert pictures[0] == pictures[1] != pictures[2]
 
 
 @pytest.mark.gpu
