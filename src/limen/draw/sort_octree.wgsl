@@ -96,6 +96,12 @@ var<workgroup> group_high: array<atomic<u32>, 3>;
 
 @compute @workgroup_size(128)
 fn transform(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    // Not every driver's workgroup memory begins as zeros.
+    if lane < 3u {
+        atomicStore(&group_low[lane], 0u);
+        atomicStore(&group_high[lane], 0u);
+    }
+    workgroupBarrier();
     if id.x < frame.vertices {
         let place = position_of(id.x);
         ways[id.y * frame.vertices + id.x] = vec4(way_of(id.y, vec4(place, 1.0)), -1.0);
