@@ -67,7 +67,7 @@ class Drawable(NamedTuple):
     share
         0 ... 1; the shares of all entries of a page add up to 1.
     over
-        The shares of the page's finer entries together, which are painted over this one.
+        The shares of the page's finer entries together, painted over this one.
     """
 
     asked: NDArray[np.int64]
@@ -230,13 +230,12 @@ class Stream:
             if not len(pending):
                 break
         nothing = np.setdiff1d(np.arange(len(pages)), np.concatenate([asked for asked, *_ in found]))
-        everything = np.ones(len(nothing), np.float32)
-        found.append((nothing, np.full(len(nothing), -1, np.int32), 0, everything, 0 * everything))
+        whole, none = (np.full(len(nothing), share, np.float32) for share in (1, 0))
+        found.append((nothing, np.full(len(nothing), -1, np.int32), 0, whole, none))
         asked = np.concatenate([each[0] for each in found])
         order = np.argsort(asked, kind="stable")
-        slots = np.concatenate([each[1] for each in found])[order]
         coarser = np.concatenate([np.full(len(each[0]), each[2], np.int32) for each in found])[order]
-        shares, over = (np.concatenate([each[part] for each in found])[order] for part in (3, 4))
+        slots, shares, over = (np.concatenate([each[part] for each in found])[order] for part in (1, 3, 4))
         used = slots[slots >= 0]
         self._last_used[used] = np.maximum(self._last_used[used], self._frame)
         return Drawable(asked[order], slots, coarser, shares, over)
