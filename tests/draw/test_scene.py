@@ -65,6 +65,14 @@ def depth_in_outlines(display: Display, quilt: Quilt, rows: Any) -> NDArray[np.f
     return best
 
 
+def depth_or_none(layer: Any, windows: Windows) -> NDArray[np.float64] | None:
+    """The depth of the last draw; None where the adapter keeps it (OpenGL)."""
+    try:
+        return layer.read_depth(windows).astype(float)
+    except DeviceLimitError:
+        return None
+
+
 def draw(device: Any, mesh: Mesh, display: Display, eyes: Any, *, clip: bool = True, **options: Any) -> Any:
     """The one quilt's pixels and depths."""
     from limen.draw.scene import SceneLayer
@@ -75,10 +83,7 @@ def draw(device: Any, mesh: Mesh, display: Display, eyes: Any, *, clip: bool = T
     layer = SceneLayer(device, mesh, clip=clip)
     layer.sort(windows, eyes, NOWHERE, forward=options.pop("forward", None))
     image = layer.read(layer.draw(windows, **options))
-    try:
-        depth = layer.read_depth(windows)
-    except DeviceLimitError:  # OpenGL keeps it
-        depth = None
+    depth = depth_or_none(layer, windows)
     layer.destroy()
     return image, depth
 
