@@ -35,7 +35,10 @@ from limen.geometry import Floats, Vec3
 __all__ = ["GUARD_PX", "NEAR_M", "PanelViews", "Windows", "guard_of", "quilt_from_room"]
 
 NEAR_M = 0.02
-"""What is nearer to the eye than this, on the ray through a panel's middle, is cut away."""
+"""What is nearer to the eye than about this is cut away, unless it is known where things begin."""
+
+_GUARDED = 0.98
+"""In the guard band, places are a little farther away than an outline's farthest corner."""
 
 _IN_PLANE_M = 1e-6  # an eye this near to a panel's plane, or behind it, sees no pixel of it
 
@@ -80,7 +83,7 @@ class Windows:
     copies: int = 1
     guard_px: float = GUARD_PX
 
-    def seen_from(self, eye_m: Vec3 | Floats, copy: int = 0) -> PanelViews:
+    def seen_from(self, eye_m: Vec3 | Floats, copy: int = 0, near_m: float = NEAR_M) -> PanelViews:
         """The panels as one eye sees them.
 
         Parameters
@@ -89,6 +92,9 @@ class Windows:
             The eye in the room, shape (3,).
         copy
             Which of the quilt's copies is this eye's.
+        near_m
+            Nothing nearer to the eye is to be seen. The larger, the finer is depth on adapters that make reversed depth
+            from the other kind (OpenGL).
         """
         lines = self._lines
         relative = np.asarray(eye_m, dtype=float) - lines.origin_m
@@ -105,8 +111,8 @@ class Windows:
         a, b, c = (lines.outline[:, :, number, None] for number in range(3))
         edges = a * across[:, None] + b * along[:, None] + c * w[:, None]
         facing = height > _IN_PLANE_M
-        distance = np.linalg.norm(lines.middle_m - np.asarray(eye_m, dtype=float), axis=1)
-        near = np.maximum(height, 0) * np.minimum(NEAR_M / np.maximum(distance, 1e-300), 0.5)
+        farthest = np.linalg.norm(lines.outline_m - np.asarray(eye_m, dtype=float), axis=2).max(axis=1)
+        near = np.maximum(height, 0) * _GUARDED * near_m / np.maximum(farthest, 1e-300)
         return PanelViews(
             np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count, facing,
             np.asarray(eye_m, dtype=float), lines.outline_m,

@@ -95,6 +95,7 @@ class SceneLayer:
         self._vertices = load_shader(device, "limen.draw", "scene_clip.wgsl") if self._clips else self._fragments
         self._corners = GrowingBuffer(device, "corners", wgpu.BufferUsage.STORAGE)
         self._corners.write(corner_rows(mesh))
+        self._bounds = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
         self._scene = GrowingBuffer(device, "scene", wgpu.BufferUsage.UNIFORM)
         self._pictures = upload_textures(device, mesh.textures)
         self._sampler = device.wgpu.create_sampler(
@@ -112,6 +113,7 @@ class SceneLayer:
             raise ValueError("a mesh with other triangles needs another layer")
         self.sorter.move(mesh.positions)
         self._corners.write(corner_rows(mesh))
+        self._bounds = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
 
     def sort(self, windows: Windows, eyes_m: Floats, room_from_mesh: Floats, *, forward: Floats | None = None) -> int:
         """The first half of a frame: which triangles touch which panels; waits for the adapter.
@@ -138,7 +140,10 @@ class SceneLayer:
         eyes_m = np.asarray(eyes_m, dtype=float).reshape(-1, 3)
         if windows.copies != len(eyes_m):
             raise ValueError(f"windows for {windows.copies} eyes were given {len(eyes_m)}")
-        views = [windows.seen_from(eye, copy) for copy, eye in enumerate(eyes_m)]
+        near_m = self._nearest_m(eyes_m, np.asarray(room_from_mesh, dtype=float))
+        views = [
+            windows.seen_from(eye, copy, near) for copy, (eye, near) in enumerate(zip(eyes_m, near_m, strict=True))
+        ]
         eye_from_mesh = np.repeat(np.asarray(room_from_mesh, dtype=float)[None, :3], len(eyes_m), axis=0)
         eye_from_mesh[:, :, 3] -= eyes_m
         gain, falloff = windows.light
@@ -218,6 +223,15 @@ class SceneLayer:
         self._pipelines.clear()
 
     # ------------------------------------------------------------------ steps of a draw
+
+    def _nearest_m(self, eyes_m: Floats, room_from_mesh: Floats) -> Floats:
+        """How far from each eye the mesh begins: the distance of the ball around its bounding box."""
+        low, high = self._bounds
+        corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
+        placed = corners @ room_from_mesh[:3, :3].T + room_from_mesh[:3, 3]
+        middle = placed.mean(axis=0)
+        radius = np.linalg.norm(placed - middle, axis=1).max()
+        return np.asarray(np.maximum(np.linalg.norm(eyes_m - middle, axis=1) - radius, NEAR_M))
 
     def _submit(
         self,
