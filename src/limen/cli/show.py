@@ -16,7 +16,6 @@ from limen.cli.arguments import (
     FitOption,
     PanelsOption,
     PolicyOption,
-    chosen_panels,
     place,
 )
 from limen.cli.output import DEFAULT, Common, Output
@@ -92,34 +91,46 @@ def show(
     kind, tint = ("image", "levels") if isinstance(opened, Image) else ("mesh", "panels")
     if overlay not in ("none", tint):
         raise InputError(f"--overlay {overlay} is not for this {kind}: give --overlay {tint}")
-    shown = chosen_panels(display, panels) if display else None
+    if kind == "image" and mesh != MESH_DEFAULT:
+        raise InputError(f"{content} is an image: leave out the options of meshes (limen show --help lists them)")
+    name = display or ("desktop" if out else "")
+    whole = Display.named(name) if name else None
+    shown = whole.select(panels) if whole and panels else whole
     if isinstance(opened, Mesh):
-        if out is None:
-            tour = _tour(shown, session, "") if shown and session else _stander(shown, viewer)
-            run_live_scene(opened, shown, tour, mesh.live(overlay == "panels", seconds), out_stream.say)
-            out_stream.result({"frames": []})
+        settings = mesh.settings(whole, overlay == "panels", seconds)
+        if whole is None or shown is None or out is None:
+            tour = _tour(whole, session, "") if whole and session else _stander(whole, viewer)
+            _say_who([tour] if isinstance(tour, Viewer) else tour(0.0), out_stream)
+            final = run_live_scene(opened, shown, tour, settings, out_stream.say)
+            out_stream.result({"frames": [mesh_row(final, [])] if final else []})
             return
-        shown = (shown or Display.named("desktop")).scaled(scale)
-        drawn = write_mesh_frames(out_stream, opened, shown, _moments(shown, session, viewer, frames), mesh, out,
-                                  picture_format, overlay=overlay == "panels", simulate=simulate)  # fmt: skip
+        moments = _moments(whole, session, viewer, frames)
+        _say_who(moments[0], out_stream)
+        drawn = write_mesh_frames(out_stream, opened, shown.scaled(scale), moments, mesh, settings, out,
+                                  picture_format, simulate=simulate)  # fmt: skip
         rows = [mesh_row(report, files) for report, files in drawn]
         print_mesh_rows(out_stream, rows, out)
         out_stream.result({"frames": rows})
         return
     with opened as image:
-        if out is None:
-            settings = LiveSettings(policy=chosen, fit=fit, overlay=overlay == "levels", seconds=seconds)
-            last = run_live(image, shown, _tour(shown, session, viewer) if shown else None, settings, out_stream.say)
+        if whole is None or shown is None or out is None:
+            window = LiveSettings(policy=chosen, fit=fit, overlay=overlay == "levels", seconds=seconds)
+            last = run_live(image, shown, _tour(whole, session, viewer) if whole else None, window, out_stream.say)
             out_stream.result({"frames": [image_row(last, [])] if last else []})
             return
-        shown = shown or Display.named("desktop")
         rows = list(
-            write_image_frames(out_stream, image, shown, _moments(shown, session, viewer, frames), chosen,
+            write_image_frames(out_stream, image, shown, _moments(whole, session, viewer, frames), chosen,
                                OnSurface(fit), out, picture_format, scale=scale, overlay=overlay == "levels",
                                simulate=simulate)
         )  # fmt: skip
     print_image_rows(out_stream, rows, out)
     out_stream.result({"frames": rows})
+
+
+def _say_who(viewers: Sequence[Viewer], out: Output) -> None:
+    if len(viewers) > 1:
+        name = f" ('{viewers[0].name}')" if viewers[0].name else ""
+        out.say(f"a mesh is drawn for one viewer: the first of {len(viewers)}{name}")
 
 
 def _tour(display: Display, session: str, viewer: str) -> Tour:
