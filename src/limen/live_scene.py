@@ -228,18 +228,23 @@ class LiveScene:
             return self._tour(self._clock_s)[0]
         standing = replace(self._tour, time_s=self._clock_s)
         if self._in_a_room:
-            return replace(standing, direction=as_vec3(self._orbited(np.array(standing.direction)), "direction"))
+            look = self._orbited(np.array(standing.direction), -1.0)
+            return replace(standing, direction=as_vec3(look, "look"))
         middle = display.bounds_m.mean(axis=0)
         way = self._orbited(np.array(standing.position_m) - middle) * self._nearer
         if not way.any():  # at the very middle, there is no way around it
             return standing
         return replace(standing, position_m=as_vec3(middle + way, "place"), direction=as_vec3(-way, "way"))
 
-    def _orbited(self, way: Floats) -> Floats:
-        """A way, shape (3,), turned about the vertical and raised as dragging has done: never over the top."""
+    def _orbited(self, way: Floats, sense: float = 1.0) -> Floats:
+        """A way, shape (3,), turned about the vertical and raised as dragging has done, never over the top.
+
+        What is dragged to the right goes to the right if the viewer goes to the left, or the head turns to the left:
+        the ``sense`` of the one is 1, of the other -1.
+        """
         x, y, z = way
         level = math.hypot(x, z)
-        bearing = math.atan2(x, z) - math.radians(self._yaw_deg)
+        bearing = math.atan2(x, z) - sense * math.radians(self._yaw_deg)
         steepest = max(math.radians(_STEEPEST_DEG), abs(math.atan2(y, level)))
         rise = math.atan2(y, level) + math.radians(self._pitch_deg)
         rise = min(max(rise, -steepest), steepest)
