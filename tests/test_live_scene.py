@@ -191,6 +191,22 @@ def test_dragging_turns_the_head_in_a_room(device: Any, mesh: Mesh) -> None:
         assert not lit(screen.draw()).any(), "105 degrees to the left, there is nothing"
 
 
+def test_the_wheel_leads_to_a_simulated_display_and_across_a_room(device: Any, mesh: Mesh) -> None:
+    from limen.track.stand import standing_viewer
+
+    for name, nearer in (("cube", 0.7), ("cave", 0.8)):
+        display = Display.preset(name).scaled(0.1)
+        with Screen(device, mesh, display, standing_viewer(display)) as screen:
+            first = screen.draw()
+            screen.wheel(100 * np.log(nearer) / np.log(1.1))
+            assert lit(screen.draw()).sum() > 1.2 * lit(first).sum(), name
+            for _ in range(20):
+                screen.wheel(1000)
+            assert lit(screen.draw()).sum() < 0.7 * lit(first).sum(), name
+            screen.key("0")
+            np.testing.assert_array_equal(screen.draw(), first)
+
+
 def test_a_tour_leads_the_viewer(device: Any, mesh: Mesh) -> None:
     rostock = Display.preset("rostock").scaled(0.05)
 

@@ -32,6 +32,9 @@ _SIZE = (1280, 800)
 _TURN_DEG_PER_S = 20.0
 _DRAG_DEG_PER_PX = 0.3
 _STEEPEST_DEG = 85.0
+_NEAREST, _FARTHEST = 0.2, 5.0
+_NEAR_WALL = 1 - _NEAREST
+"""Share of the way to a room's wall that the wheel leads, forward or back."""
 _HELP = "o overlay   space pause   0 start   q close"
 _LIT_PX = 1 << 23
 """Pixels of a simulated display in all: more are not seen in a window."""
@@ -155,7 +158,7 @@ class LiveScene:
             case "key_down":
                 self._key(event["key"])
             case "wheel":
-                self._nearer = min(max(self._nearer * 1.1 ** (event["dy"] / 100), 0.2), 5.0)
+                self._nearer = min(max(self._nearer * 1.1 ** (event["dy"] / 100), _NEAREST), _FARTHEST)
             case "pointer_down":
                 self._dragging_from = (event["x"], event["y"])
             case "pointer_up":
@@ -216,22 +219,32 @@ class LiveScene:
         assert self._renderer is not None
         assert self._lit is not None
         assert self._simulated is not None
-        viewer = self._viewer(self._simulated)
+        display, viewer = self._simulated, self._viewer()
         textures, self.last = self._renderer.lit_for(viewer, overlay="panels" if self._overlay else None)
-        camera = eye_camera(self._simulated, np.array(viewer.position_m), surface.size_px, viewer.direction)
+        camera = eye_camera(display, np.array(viewer.position_m), surface.size_px, viewer.direction)
+        if isinstance(self._tour, Viewer) and self._nearer != 1:  # or whoever comes nearer would be shown less
+            fitted = eye_camera(display, np.array(self._viewer(1.0).position_m), surface.size_px, viewer.direction)
+            camera = replace(camera, fov_deg=fitted.fov_deg)
         samples = 1 if self._device.is_software else 2
         self._lit.draw(textures, camera, samples=samples, target=surface.target, target_format=surface.target_format)
 
-    def _viewer(self, display: Display) -> Viewer:
+    def _viewer(self, nearer: float | None = None) -> Viewer:
         """Who the display is lit for: a tour's first, or whom dragging leads around it or turns in a room."""
         if not isinstance(self._tour, Viewer):
             return self._tour(self._clock_s)[0]
-        standing = replace(self._tour, time_s=self._clock_s)
+        assert self._simulated is not None
+        nearer = self._nearer if nearer is None else nearer
+        standing, place = replace(self._tour, time_s=self._clock_s), np.array(self._tour.position_m)
+        low, high = self._simulated.bounds_m
         if self._in_a_room:
             look = self._orbited(np.array(standing.direction), -1.0)
-            return replace(standing, direction=as_vec3(look, "look"))
-        middle = display.bounds_m.mean(axis=0)
-        way = self._orbited(np.array(standing.position_m) - middle) * self._nearer
+            level = look * [1, 0, 1] / max(math.hypot(look[0], look[2]), 1e-9)
+            steps_m = max(1 - nearer, -_NEAR_WALL) * min(high[0] - low[0], high[2] - low[2]) / 2
+            return replace(
+                standing, position_m=as_vec3(place + level * steps_m, "place"), direction=as_vec3(look, "look")
+            )
+        middle = (low + high) / 2
+        way = self._orbited(place - middle) * nearer
         if not way.any():  # at the very middle, there is no way around it
             return standing
         return replace(standing, position_m=as_vec3(middle + way, "place"), direction=as_vec3(-way, "way"))
