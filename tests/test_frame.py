@@ -11,6 +11,7 @@ import pyvips
 
 import limen
 from limen.data import sample_image
+from limen.data.mesh_sample import sample_mesh
 from limen.display.quilt import Quilt
 from limen.errors import DeviceLimitError, InputError
 from limen.frame import Renderer, render, select_ahead
@@ -179,3 +180,70 @@ def test_a_frame_fits_a_small_pool_by_coarser_pages(world, device):
         report = renderer.frame([], FULL, quilt=Quilt((1732, 866), (0,), ((0, 0),)))
         assert report.bias > 0
         assert report.pages < 8
+
+
+# ---------------------------------------------------------------------------- meshes
+
+
+@pytest.fixture(scope="module")
+def knot(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("mesh") / "knot.ply"
+    sample_mesh(path, 2000)
+    return path
+
+
+def test_a_mesh_is_rendered_as_an_image_is(knot, device):
+    """From a path or opened, of all panels or of some: a panel shows one picture."""
+    wall = limen.Display.preset("rostock")
+    viewer = limen.Viewer((0.1, 1.7, 0.0))
+    every = render(knot, wall, [viewer], scale=0.05, device=device)
+    assert list(every) == [panel.name for panel in wall.panels]
+    assert {(picture.shape, picture.dtype) for picture in every.values()} == {((60, 96, 4), np.dtype(np.uint8))}
+    assert every["wall/2,1"][..., :3].max() > 100
+    some = render(limen.open(knot), wall, [viewer, limen.Viewer((1, 1, 1))], panels="wall/2,*", scale=0.05,
+                  device=device)  # fmt: skip
+    assert list(some) == [f"wall/2,{row}" for row in range(4)]
+    for name, picture in some.items():
+        assert (np.abs(picture.astype(int) - every[name]).max(axis=-1) > 8).mean() < 0.004
+
+
+def test_a_mesh_takes_its_place_and_two_eyes(knot, device):
+    display = limen.Display.window((160, 120))
+    viewer = limen.Viewer((0, 0, 0))
+    behind = np.diag([0.01, 0.01, 0.01, 1.0])
+    columns = []
+    for x_m in (0.0, 0.005):
+        behind[:3, 3] = (x_m, 0, -0.6)
+        picture = render(knot, display, [viewer], placement=behind, device=device)["window"]
+        columns.append(np.nonzero(picture[..., :3].max(axis=(0, 2)) > 40)[0].mean())
+    assert columns[1] - columns[0] == pytest.approx(0.005 / display.pitch_m, abs=1)
+    both = render(knot, display, [viewer], stereo="sequential", device=device)
+    assert list(both) == ["window@left", "window@right"]
+    wide = render(knot, display, [viewer], stereo="side-by-side", device=device)["window"]
+    np.testing.assert_array_equal(np.concatenate(list(both.values()), axis=1), wide)
+    tinted = render(knot, display, [viewer], placement=behind, overlay="panels", device=device)["window"]
+    assert (tinted != picture).any()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"viewers": []}, "give a viewer"),
+        ({"overlay": "levels"}, "are for images"),
+        ({"placement": OnSurface("cover")}, "are for images"),
+        ({"policy": "everything"}, "no policy"),
+        ({"stereo": "polarised"}, "no stereo is named"),
+        ({"placement": np.eye(3)}, r"shape \(4, 4\)"),
+        ({"placement": np.full((4, 4), np.nan)}, "finite"),
+    ],
+)
+def test_what_a_mesh_cannot_be_is_said(knot, device, options, says):
+    asked = {"viewers": [limen.Viewer((0, 0, 0))]} | options
+    with pytest.raises(InputError, match=says):
+        render(knot, limen.Display.window((64, 64)), device=device, **asked)
+
+
+@pytest.mark.parametrize("options", [{"overlay": "panels"}, {"stereo": "anaglyph"}, {"placement": np.eye(4)}])
+def test_what_is_for_meshes_is_refused_for_images(world, device, options):
+    with pytest.raises(InputError, match="for meshes, not for images"):
+        render(world, limen.Display.window((64, 64)), device=device, **options)

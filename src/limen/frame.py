@@ -1,4 +1,4 @@
-"""One frame: tolerance -> select -> stream -> draw -> present.
+"""One frame of an image: tolerance -> select -> stream -> draw -> present; and `render`, for any content.
 
 `Renderer` shows one image on one display. A live `Renderer.frame` never waits: what has not come yet is drawn
 from coarser pages. `Renderer.pictures` is for files and tests: it waits until every pixel has its own level.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,13 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.contrast import CONTRAST_OF_BYTE, ContrastSurvey
-from limen.data.image import Image, open_image
+from limen.data.image import Image
+from limen.data.mesh import Mesh
+from limen.data.opening import open_content
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
 from limen.draw.image import ImageLayer, Overlay, Sampling
+from limen.draw.scene import SceneOverlay
+from limen.errors import InputError
+from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.gpu.pool import PagePool
-from limen.placement import OnShape, OnSurface, Placement
+from limen.placement import OnShape, OnSurface, Placement, mesh_in_room
+from limen.scene import SceneRenderer, Stereo
 from limen.select.cut import Cut
 from limen.select.detail import Detail, contrast_detail
 from limen.select.image import View, select, view_of
@@ -301,38 +308,43 @@ class _Contrast:
 
 
 def render(
-    image: Image | str | Path,
+    content: Image | Mesh | str | Path,
     display: Display,
     viewers: Sequence[Viewer] = (),
     policy: str | Policy = "acuity",
     *,
     panels: str | Sequence[str] = "*",
     acuity_arcmin: str | float = HUMAN_ARCMIN,
-    placement: Placement | None = None,
-    overlay: Overlay | None = None,
+    placement: Placement | Floats | None = None,
+    overlay: Overlay | SceneOverlay | None = None,
+    stereo: Stereo = "none",
     scale: float = 1.0,
     device: Device | None = None,
 ) -> dict[str, NDArray[np.uint8]]:
-    """What each panel shows, with every page at the level that the policy asks for.
+    """What each panel shows: of an image, every page at the level that the policy asks for; of a mesh, all of it.
 
     Parameters
     ----------
-    image
-        An opened image, or a file's path.
+    content
+        An opened image or mesh, or a file's path.
     display
         The installation.
     viewers
-        Who looks. With nobody, nothing is left out.
+        Who looks. Of an image, nothing is left out for nobody. A mesh is seen by the first, whom it needs.
     policy
-        ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.tolerance.Policy`).
+        ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.tolerance.Policy`). No
+        policy leaves out anything of a mesh.
     panels
         Shell-style pattern(s) of the panels wanted.
     acuity_arcmin
         For all policies but ``full``: arcminutes, ``human`` or ``snellen``.
     placement
-        How the image lies on the display: by default fitted inside the unrolled surface, centred.
+        How the image lies on the display: by default fitted inside the unrolled surface, centred. Of a mesh, the
+        affine map from its coordinates to the room, metres, shape (4, 4): by default `limen.placement.mesh_in_room`.
     overlay
-        ``levels`` tints every pixel by the level drawn.
+        ``levels`` tints every pixel of an image by the level drawn, ``panels`` a mesh by the panel that shows it.
+    stereo
+        Of a mesh, see `limen.scene.SceneRenderer`; with ``sequential`` there are ``name@left`` and ``name@right``.
     scale
         Draw panels of fewer, larger pixels (0.125 for an eighth), as for a picture of the whole room.
     device
@@ -346,7 +358,8 @@ def render(
     Raises
     ------
     InputError
-        For a policy, pattern or file that does not exist.
+        For a policy, pattern or file that does not exist, a mesh without a viewer, and what is meant for the other kind
+        of content.
     NoAdapterError
         If there is no graphics adapter, not even a software one.
     """
@@ -354,17 +367,30 @@ def render(
     wanted = display.select(panels)
     if scale != 1.0:
         wanted = wanted.scaled(scale)
-    opened = image if isinstance(image, Image) else open_image(image)
-    adapter = device or open_device()
-    try:
-        with Renderer(adapter, wanted, opened, placement) as renderer:
-            pictures = renderer.pictures(list(viewers), chosen, overlay=overlay)
-            return {name: picture.copy() for name, picture, _ in pictures}
-    finally:
-        if device is None:
-            adapter.destroy()
-        if opened is not image:
-            opened.close()
+    opened = content if isinstance(content, Image | Mesh) else open_content(content)
+    with nullcontext(opened) if opened is content or isinstance(opened, Mesh) else opened:
+        if isinstance(opened, Mesh):
+            if overlay not in (None, "panels") or isinstance(placement, OnSurface | OnShape):
+                raise InputError("levels and placements on surfaces are for images: a mesh takes a (4, 4) placement")
+            if not viewers:
+                raise InputError("a mesh is drawn for somebody's eyes: give a viewer")
+            # The whole display says where the mesh stands, whichever panels are drawn.
+            stands = mesh_in_room(opened.bounds, display) if placement is None else np.asarray(placement, dtype=float)
+            with _lent(device) as adapter, SceneRenderer(
+                adapter, wanted, opened, room_from_mesh=stands, stereo=stereo
+            ) as scene:  # fmt: skip
+                seen = scene.pictures(viewers[0], overlay=overlay)
+                return {name: picture.copy() for name, picture, _ in seen}
+        if overlay == "panels" or stereo != "none" or not isinstance(placement, OnSurface | OnShape | None):
+            raise InputError("the overlay 'panels', stereo and (4, 4) placements are for meshes, not for images")
+        with _lent(device) as adapter, Renderer(adapter, wanted, opened, placement) as renderer:
+            drawn = renderer.pictures(list(viewers), chosen, overlay=overlay)
+            return {name: picture.copy() for name, picture, _ in drawn}
+
+
+def _lent(device: Device | None) -> AbstractContextManager[Device]:
+    """The caller's adapter, which stays open, or one for this call."""
+    return open_device() if device is None else nullcontext(device)
 
 
 def select_ahead(

@@ -15,10 +15,11 @@ from limen.data.mesh_sample import ripple
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.draw.lit import LitDisplay
-from limen.geometry import Floats
+from limen.errors import InputError
+from limen.geometry import Floats, Vec3, as_vec3
 from limen.gpu.device import Device, open_device
 from limen.live import Tour
-from limen.placement import mesh_in_room
+from limen.placement import arrangement_of, mesh_in_room, mesh_stand
 from limen.present.window import Surface, open_canvas
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
 from limen.viewer import Viewer
@@ -30,10 +31,16 @@ Animation: TypeAlias = Literal["none", "ripple", "turn"]
 _SIZE = (1280, 800)
 _TURN_DEG_PER_S = 20.0
 _DRAG_DEG_PER_PX = 0.3
+_STEEPEST_DEG = 85.0
+_NEAREST, _FARTHEST = 0.2, 5.0
+_NEAR_WALL = 1 - _NEAREST
+"""Share of the way to a room's wall that the wheel leads, forward or back."""
 _HELP = "o overlay   space pause   0 start   q close"
 _LIT_PX = 1 << 23
 """Pixels of a simulated display in all: more are not seen in a window."""
-_WIDEST_DEG = 100.0
+_AROUND_DEG = 65.0
+"""From this angle between the panels' corners and their middle on, an eye is among them."""
+_WIDEST_DEG = 90.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,11 @@ class SceneSettings:
         turned = self.turn_deg + (_TURN_DEG_PER_S * time_s if self.animate == "turn" else 0.0)
         return mesh_in_room(mesh.bounds, display, size_m=self.size_m, at_m=self.at_m, up=self.up, turn_deg=turned)
 
+    def standing_in(self, display: Display) -> SceneSettings:
+        """The same with size and place as a whole display suggests them: parts of it then show parts of one scene."""
+        at_m, size_m = mesh_stand(display, self.size_m)
+        return replace(self, at_m=self.at_m or at_m, size_m=size_m)
+
 
 def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: float) -> None:
     """Put the mesh in the pose that its animation has at a time."""
@@ -64,21 +76,39 @@ def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: 
         renderer.room_from_mesh = settings.room_from_mesh(mesh, renderer.display, time_s)
 
 
-def eye_camera(display: Display, eye_m: Floats, size_px: tuple[int, int]) -> Camera:
-    """A camera at an eye that shows what it can of the panels that face it."""
+def eye_camera(
+    display: Display, eye_m: Floats, size_px: tuple[int, int], look: Vec3 | Floats = (0.0, 0.0, -1.0)
+) -> Camera:
+    """A camera at an eye that shows the panels that face it; where they are all around the eye, what it looks at.
+
+    Parameters
+    ----------
+    eye_m
+        Place in the room, shape (3,).
+    look
+        Where the head points: of use among panels alone.
+    """
     facing = [panel for panel in display.panels if np.dot(eye_m - panel.centre_m, panel.normal) > 0]
-    corners = np.concatenate([panel.outline_m for panel in facing or display.panels])
-    ways = corners - eye_m
+    ways = np.concatenate([panel.outline_m for panel in facing or display.panels]) - eye_m
     ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
-    forward = ways.mean(axis=0)
-    if np.linalg.norm(forward) < 0.2:  # all around the eye
-        forward = np.array([0.0, 0.0, -1.0])
+    middle = ways.mean(axis=0)
+    middle = middle / max(float(np.linalg.norm(middle)), 1e-9)
+    if float((ways @ middle).min()) < math.cos(math.radians(_AROUND_DEG)):
+        return _camera(eye_m, np.asarray(look, dtype=float), size_px, _WIDEST_DEG)
+    for _ in range(3):  # the middle of what is seen, rather than of the panels, of which more may be on one side
+        axes = _camera(eye_m, middle, size_px, _WIDEST_DEG).axes
+        across = ways @ axes.T
+        slopes = across[:, :2] / np.maximum(across[:, 2:], 0.1)
+        low, high = slopes.min(axis=0), slopes.max(axis=0)
+        middle = axes[2] + (low + high) / 2 @ axes[:2]
+    reach = float(((high - low) / 2 * [size_px[1] / size_px[0], 1.0]).max())
+    return _camera(eye_m, middle, size_px, min(max(2 * math.degrees(math.atan(1.1 * reach)), 1.0), _WIDEST_DEG))
+
+
+def _camera(eye_m: Floats, forward: Floats, size_px: tuple[int, int], fov_deg: float) -> Camera:
     forward = forward / np.linalg.norm(forward)
-    widest_deg = math.degrees(math.acos(min(1.0, max(-1.0, float((ways @ forward).min())))))
-    x, y, z = (float(value) for value in eye_m)
-    target = (x + float(forward[0]), y + float(forward[1]), z + float(forward[2]))
     up = (0.0, 1.0, 0.0) if abs(forward[1]) < 0.99 else (0.0, 0.0, -1.0)
-    return Camera((x, y, z), target, size_px, min(max(2.1 * widest_deg, 1.0), _WIDEST_DEG), up)
+    return Camera(as_vec3(eye_m, "eye"), as_vec3(eye_m + forward, "target"), size_px, fov_deg, up)
 
 
 class LiveScene:
@@ -88,7 +118,13 @@ class LiveScene:
         self, device: Device, mesh: Mesh, display: Display | None, tour: Tour | Viewer, settings: SceneSettings
     ) -> None:
         self._device, self._mesh, self._tour, self._settings = device, mesh, tour, settings
+        if settings.stereo not in ("none", "anaglyph"):
+            raise InputError(
+                f"a window shows one picture at a time, not '{settings.stereo}': give --stereo none or anaglyph, or "
+                "--out FOLDER to write both"
+            )
         self._simulated = None if display is None else _as_fine_as_seen(display)
+        self._in_a_room = display is not None and arrangement_of(display) == "room"
         self._overlay = settings.overlay
         self._yaw_deg = self._pitch_deg = 0.0
         self._nearer = 1.0
@@ -122,7 +158,7 @@ class LiveScene:
             case "key_down":
                 self._key(event["key"])
             case "wheel":
-                self._nearer = min(max(self._nearer * 1.1 ** (event["dy"] / 100), 0.2), 5.0)
+                self._nearer = min(max(self._nearer * 1.1 ** (event["dy"] / 100), _NEAREST), _FARTHEST)
             case "pointer_down":
                 self._dragging_from = (event["x"], event["y"])
             case "pointer_up":
@@ -131,7 +167,9 @@ class LiveScene:
                 x, y = self._dragging_from
                 self._dragging_from = (event["x"], event["y"])
                 self._yaw_deg += (event["x"] - x) * _DRAG_DEG_PER_PX
-                self._pitch_deg = min(max(self._pitch_deg + (event["y"] - y) * _DRAG_DEG_PER_PX, -85.0), 85.0)
+                self._pitch_deg = min(
+                    max(self._pitch_deg + (event["y"] - y) * _DRAG_DEG_PER_PX, -_STEEPEST_DEG), _STEEPEST_DEG
+                )
 
     def close(self) -> None:
         for part in (self._renderer, self._lit):
@@ -181,24 +219,50 @@ class LiveScene:
         assert self._renderer is not None
         assert self._lit is not None
         assert self._simulated is not None
-        viewer = self._viewer(self._simulated)
+        display, viewer = self._simulated, self._viewer()
         textures, self.last = self._renderer.lit_for(viewer, overlay="panels" if self._overlay else None)
-        camera = eye_camera(self._simulated, np.array(viewer.position_m), surface.size_px)
+        camera = eye_camera(display, np.array(viewer.position_m), surface.size_px, viewer.direction)
+        if isinstance(self._tour, Viewer) and self._nearer != 1:  # or whoever comes nearer would be shown less
+            fitted = eye_camera(display, np.array(self._viewer(1.0).position_m), surface.size_px, viewer.direction)
+            camera = replace(camera, fov_deg=fitted.fov_deg)
         samples = 1 if self._device.is_software else 2
         self._lit.draw(textures, camera, samples=samples, target=surface.target, target_format=surface.target_format)
 
-    def _viewer(self, display: Display) -> Viewer:
+    def _viewer(self, nearer: float | None = None) -> Viewer:
+        """Who the display is lit for: a tour's first, or whom dragging leads around it or turns in a room."""
         if not isinstance(self._tour, Viewer):
             return self._tour(self._clock_s)[0]
-        standing = self._tour
-        middle = display.bounds_m.mean(axis=0)
-        way = np.array(standing.position_m) - middle
-        if np.linalg.norm(way) < 0.3:  # in the middle of a room
-            return replace(standing, time_s=self._clock_s)
-        x, y, z = middle + self._turned().T @ way * self._nearer
-        place = (float(x), float(y), float(z))
-        look = (float(middle[0] - x), float(middle[1] - y), float(middle[2] - z))
-        return replace(standing, position_m=place, direction=look, time_s=self._clock_s)
+        assert self._simulated is not None
+        nearer = self._nearer if nearer is None else nearer
+        standing, place = replace(self._tour, time_s=self._clock_s), np.array(self._tour.position_m)
+        low, high = self._simulated.bounds_m
+        if self._in_a_room:
+            look = self._orbited(np.array(standing.direction), -1.0)
+            level = look * [1, 0, 1] / max(math.hypot(look[0], look[2]), 1e-9)
+            steps_m = max(1 - nearer, -_NEAR_WALL) * min(high[0] - low[0], high[2] - low[2]) / 2
+            return replace(
+                standing, position_m=as_vec3(place + level * steps_m, "place"), direction=as_vec3(look, "look")
+            )
+        middle = (low + high) / 2
+        way = self._orbited(place - middle) * nearer
+        if not way.any():  # at the very middle, there is no way around it
+            return standing
+        return replace(standing, position_m=as_vec3(middle + way, "place"), direction=as_vec3(-way, "way"))
+
+    def _orbited(self, way: Floats, sense: float = 1.0) -> Floats:
+        """A way, shape (3,), turned about the vertical and raised as dragging has done, never over the top.
+
+        What is dragged to the right goes to the right if the viewer goes to the left, or the head turns to the left:
+        the ``sense`` of the one is 1, of the other -1.
+        """
+        x, y, z = way
+        level = math.hypot(x, z)
+        bearing = math.atan2(x, z) - sense * math.radians(self._yaw_deg)
+        steepest = max(math.radians(_STEEPEST_DEG), abs(math.atan2(y, level)))
+        rise = math.atan2(y, level) + math.radians(self._pitch_deg)
+        rise = min(max(rise, -steepest), steepest)
+        turned = [math.sin(bearing) * math.cos(rise), math.sin(rise), math.cos(bearing) * math.cos(rise)]
+        return np.array(turned) * math.hypot(level, y)
 
     def _turned(self) -> Floats:
         """The rotation that dragging has made, shape (3, 3)."""
@@ -237,8 +301,8 @@ def run_live_scene(
         Told once what the keys do.
     """
     with open_device() as device:
-        canvas = open_canvas(device.wgpu, _SIZE, mesh.path.name if mesh.path else "mesh")
         live = LiveScene(device, mesh, display, tour, settings)
+        canvas = open_canvas(device.wgpu, _SIZE, mesh.path.name if mesh.path else "mesh")
         say(f"keys: {_HELP}; drag to turn, wheel to come nearer")
 
         def handle(event: dict[str, Any]) -> None:

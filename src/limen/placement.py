@@ -18,7 +18,20 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
 
-__all__ = ["FITS", "OnShape", "OnSurface", "PanelMaps", "Placement", "mesh_in_room", "one_to_one_size_px"]
+__all__ = [
+    "FITS",
+    "Arrangement",
+    "OnShape",
+    "OnSurface",
+    "PanelMaps",
+    "Placement",
+    "arrangement_of",
+    "facing_of_wall",
+    "mesh_in_room",
+    "mesh_stand",
+    "middle_of_wall",
+    "one_to_one_size_px",
+]
 
 Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
 FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
@@ -182,11 +195,82 @@ def one_to_one_size_px(display: Display) -> tuple[int, int]:
     return (max(1, round(surface.width / pitch)), max(1, round(surface.height / pitch)))
 
 
-_WALL = 0.75
-"""Length of the mean normal from which a display counts as a wall."""
-
 _FILLS = 0.8
-"""Share of the display's smallest extent that a mesh fills unless told otherwise."""
+"""Share of the display that a mesh fills unless told otherwise."""
+
+Arrangement: TypeAlias = Literal["wall", "object", "room"]
+
+_WALL = 0.75
+"""Length of the mean normal from which a display counts as a wall whatever its size."""
+
+_PERSON_M = np.array([1.2, 1.5, 1.2])
+"""Least width, height and depth of what a person can stand in."""
+
+
+def arrangement_of(display: Display) -> Arrangement:
+    """How people are with a display: before a ``wall``, around an ``object``, or inside a ``room``.
+
+    Panels of an object face away from its middle. Others make a room if they face several ways and a person has
+    room between them (a CAVE), else a wall: a desk has an inside too, but nobody stands in it.
+    """
+    low, high = display.bounds_m
+    middle = (low + high) / 2
+    if float(np.linalg.norm(display.facing)) > _WALL:
+        return "wall"
+    normals = np.array([panel.normal for panel in display.panels])
+    centres = np.array([panel.centre_m for panel in display.panels])
+    if float(np.sum(normals * (centres - middle))) > 0:
+        return "object"
+    return "room" if bool(np.all(high - low >= _PERSON_M)) else "wall"
+
+
+def facing_of_wall(display: Display) -> Floats:
+    """Unit vector toward where a wall is looked at from, shape (3,).
+
+    At most 50 degrees above the horizon, and then from +z: nobody hangs over a table.
+    """
+    facing = display.facing
+    strength = float(np.linalg.norm(facing))
+    if strength < 1e-6:
+        return np.array([0.0, 0.0, 1.0])
+    across, up = facing * [1, 0, 1] / strength, float(facing[1]) / strength
+    steepest = math.sin(math.radians(50))
+    if abs(up) <= steepest:
+        return np.asarray(facing / strength)
+    level = float(np.linalg.norm(across))
+    across = across / level if level > 0.1 else np.array([0.0, 0.0, 1.0])
+    return np.asarray(across * math.cos(math.radians(50)) + [0, math.copysign(steepest, up), 0])
+
+
+def middle_of_wall(display: Display) -> Floats:
+    """Mean of the panels' middles weighted by area, shape (3,): behind it are panels, also of a desk with a hole."""
+    areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in display.panels])
+    centres = np.array([panel.centre_m for panel in display.panels])
+    return np.asarray((centres * areas[:, None]).sum(axis=0) / areas.sum())
+
+
+def mesh_stand(display: Display, size_m: float | None = None) -> tuple[Vec3, float]:
+    """Where a mesh stands unless its user says: the place of its middle, and its largest extent, metres.
+
+    Inside an object; just behind a wall, as far as it reaches; in a room, behind the panels that the room opens
+    toward (-z, where all look alike). It fills most of the second largest extent of an object or a wall, and of the
+    height of a room.
+
+    Parameters
+    ----------
+    size_m
+        Its largest extent, where the user says; a larger one stands farther behind the panels.
+    """
+    low, high = display.bounds_m
+    middle, extents = (low + high) / 2, high - low
+    arrangement = arrangement_of(display)
+    fitted = float(extents[:2].min()) if arrangement == "room" else float(np.sort(extents)[1])
+    size = _FILLS * fitted if size_m is None else size_m
+    if arrangement == "wall":
+        middle = middle_of_wall(display) - facing_of_wall(display) * size / 2
+    elif arrangement == "room":
+        middle = middle - np.array([0, 0, extents[2] / 2 + size / 2])
+    return as_vec3(middle, "middle"), size
 
 
 def mesh_in_room(
@@ -198,19 +282,18 @@ def mesh_in_room(
     up: Literal["y", "z"] = "y",
     turn_deg: float = 0.0,
 ) -> Floats:
-    """Where a mesh stands, unless its user says: affine map from its coordinates to the room, metres, shape (4, 4).
-
-    Inside a display that is walked around; just behind a wall; in a room of panels, behind the panels that the room
-    opens toward (-z, where all look alike).
+    """Affine map from a mesh's coordinates to the room, metres, shape (4, 4).
 
     Parameters
     ----------
     bounds
         Smallest and largest coordinates of the mesh, shape (2, 3).
+    display
+        The whole installation: what a part of it shows must not depend on which part it is.
     size_m
-        Its largest extent in the room.
+        Its largest extent in the room; by default that of `mesh_stand`.
     at_m
-        Place of the middle of its bounds.
+        Place of the middle of its bounds; by default that of `mesh_stand`.
     up
         Which of the mesh's axes points up.
     turn_deg
@@ -227,29 +310,11 @@ def mesh_in_room(
         raise InputError("the mesh is a single point: it has no size to be shown at")
     if size_m is not None and not 0 < size_m < math.inf:
         raise InputError(f"a mesh's size must be a positive number of metres, got {size_m}")
-    middle, room = _stand(display)
-    scale = (room if size_m is None else size_m) / extent
+    middle, size = mesh_stand(display, size_m)
     frame = np.eye(3) if up == "y" else np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
     turn = math.radians(turn_deg)
     about = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
     matrix = np.eye(4)
-    matrix[:3, :3] = about @ frame * scale
-    matrix[:3, 3] = (middle if at_m is None else np.array(at_m)) - matrix[:3, :3] @ ((low + high) / 2)
+    matrix[:3, :3] = about @ frame * (size / extent)
+    matrix[:3, 3] = np.array(middle if at_m is None else at_m) - matrix[:3, :3] @ ((low + high) / 2)
     return matrix
-
-
-def _stand(display: Display) -> tuple[Floats, float]:
-    """Middle and extent (metres) of what is shown where nobody says."""
-    low, high = display.bounds_m
-    middle, extents = (low + high) / 2, high - low
-    facing = display.facing
-    strength = float(np.linalg.norm(facing))
-    if strength > _WALL:
-        size = _FILLS * float(np.sort(extents)[1])
-        return middle - facing / strength * size / 2, size
-    normals = np.array([panel.normal for panel in display.panels])
-    centres = np.array([panel.centre_m for panel in display.panels])
-    if float(np.sum(normals * (centres - middle))) > 0:
-        return middle, _FILLS * float(extents.min())
-    size = _FILLS / 2 * float(extents[:2].min())
-    return middle - np.array([0, 0, extents[2] / 2 + size / 2]), size

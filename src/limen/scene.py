@@ -89,6 +89,8 @@ class SceneRenderer:
 
     Raises
     ------
+    InputError
+        For a ``room_from_mesh`` or a stereo that cannot be.
     DeviceLimitError, DisplayError
         If the adapter cannot hold the mesh or draw a panel.
     """
@@ -109,7 +111,12 @@ class SceneRenderer:
         if stereo not in STEREOS:
             raise InputError(f"no stereo is named '{stereo}': there are {', '.join(STEREOS)}")
         self.display, self.stereo, self._depth = display, stereo, depth
-        self.room_from_mesh = mesh_in_room(mesh.bounds, display) if room_from_mesh is None else room_from_mesh
+        stands = (
+            mesh_in_room(mesh.bounds, display) if room_from_mesh is None else np.asarray(room_from_mesh, dtype=float)
+        )
+        if stands.shape != (4, 4) or not np.isfinite(stands).all():
+            raise InputError(f"a mesh is placed by finite numbers of the shape (4, 4), not {stands.shape}")
+        self.room_from_mesh: Floats = stands
         copies = 1 if stereo == "none" else 2
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,7 +17,6 @@ from limen.cli.arguments import (
     FitOption,
     PanelsOption,
     PolicyOption,
-    chosen_panels,
     place,
 )
 from limen.cli.output import DEFAULT, Common, Output
@@ -29,7 +29,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.live import LiveSettings, Tour, run_live
 from limen.live_scene import run_live_scene
-from limen.placement import OnSurface
+from limen.placement import Fit, OnSurface
 from limen.tolerance import Policy
 from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
@@ -88,59 +88,100 @@ def show(
     if session and viewer:
         raise InputError("give --session or --viewer, not both")
     chosen = Policy.parse(policy, acuity_arcmin)
+    name = display or ("desktop" if out else "")
+    whole = Display.named(name) if name else None
+    asked = _Asked(whole, panels, session, viewer, overlay != "none", seconds, frames, scale, picture_format, simulate)
     opened = open_content(content)
-    kind, tint = ("image", "levels") if isinstance(opened, Image) else ("mesh", "panels")
-    if overlay not in ("none", tint):
-        raise InputError(f"--overlay {overlay} is not for this {kind}: give --overlay {tint}")
-    shown = chosen_panels(display, panels) if display else None
-    if isinstance(opened, Mesh):
-        if out is None:
-            tour = _tour(shown, session, "") if shown and session else _stander(shown, viewer)
-            run_live_scene(opened, shown, tour, mesh.live(overlay == "panels", seconds), out_stream.say)
-            out_stream.result({"frames": []})
+    with opened if isinstance(opened, Image) else nullcontext():
+        kind, tint = ("image", "levels") if isinstance(opened, Image) else ("mesh", "panels")
+        if overlay not in ("none", tint):
+            raise InputError(f"--overlay {overlay} is not for this {kind}: give --overlay {tint}")
+        if isinstance(opened, Mesh):
+            _show_mesh(opened, asked, mesh, out, out_stream)
             return
-        shown = (shown or Display.named("desktop")).scaled(scale)
-        drawn = write_mesh_frames(out_stream, opened, shown, _moments(shown, session, viewer, frames), mesh, out,
-                                  picture_format, overlay=overlay == "panels", simulate=simulate)  # fmt: skip
-        rows = [mesh_row(report, files) for report, files in drawn]
-        print_mesh_rows(out_stream, rows, out)
-        out_stream.result({"frames": rows})
+        if mesh != MESH_DEFAULT:
+            raise InputError(f"{content} is an image: leave out the options of meshes (limen show --help lists them)")
+        _show_image(opened, asked, chosen, fit, out, out_stream)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked for whatever the content is.
+
+    Viewers and what they look at stand where the whole display wants them, whichever panels are drawn.
+    """
+
+    whole: Display | None  # None: the window itself is the display
+    panels: Sequence[str]
+    session: str
+    viewer: str
+    overlay: bool
+    seconds: float | None
+    frames: int
+    scale: float
+    suffix: str
+    simulate: bool
+
+    @property
+    def shown(self) -> Display | None:
+        return self.whole.select(self.panels) if self.whole and self.panels else self.whole
+
+    def stander(self) -> Viewer:
+        if self.viewer:
+            return Viewer(place(self.viewer, "--viewer"))
+        return standing_viewer(self.whole) if self.whole else Viewer((0.0, 0.0, 0.0))
+
+    def tour(self) -> Tour:
+        """Who looks at time t, as a function; a session is run again and again."""
+        if self.session and self.whole:
+            recorded = session_named(self.session, self.whole)
+            return lambda time_s: recorded.at(recorded.start_s + time_s % recorded.duration_s)
+        person = self.stander()
+        return lambda time_s: (replace(person, time_s=time_s),)
+
+    def moments(self) -> list[Sequence[Viewer]]:
+        """Who looks in each frame, spread over the session."""
+        if not (self.session and self.whole):
+            tour = self.tour()
+            return [tour(number * _STEP_S) for number in range(self.frames)]
+        recorded = session_named(self.session, self.whole)
+        times_s = recorded.start_s + np.linspace(0, recorded.duration_s, self.frames + 2)[1:-1]
+        return [recorded.at(float(time_s)) for time_s in times_s]
+
+
+def _show_mesh(content: Mesh, asked: _Asked, options: MeshOptions, folder: Path | None, out: Output) -> None:
+    settings, shown = options.settings(asked.whole, asked.overlay, asked.seconds), asked.shown
+    if folder is None or shown is None:
+        tour = asked.tour() if asked.session and shown else asked.stander()
+        _say_who([tour] if isinstance(tour, Viewer) else tour(0.0), out)
+        last = run_live_scene(content, shown, tour, settings, out.say)
+        out.result({"frames": [mesh_row(last, [])] if last else []})
         return
-    with opened as image:
-        if out is None:
-            settings = LiveSettings(policy=chosen, fit=fit, overlay=overlay == "levels", seconds=seconds)
-            last = run_live(image, shown, _tour(shown, session, viewer) if shown else None, settings, out_stream.say)
-            out_stream.result({"frames": [image_row(last, [])] if last else []})
-            return
-        shown = shown or Display.named("desktop")
-        rows = list(
-            write_image_frames(out_stream, image, shown, _moments(shown, session, viewer, frames), chosen,
-                               OnSurface(fit), out, picture_format, scale=scale, overlay=overlay == "levels",
-                               simulate=simulate)
-        )  # fmt: skip
-    print_image_rows(out_stream, rows, out)
-    out_stream.result({"frames": rows})
+    moments = asked.moments()
+    _say_who(moments[0], out)
+    drawn = write_mesh_frames(out, content, shown.scaled(asked.scale), moments, options, settings, folder,
+                              asked.suffix, simulate=asked.simulate)  # fmt: skip
+    rows = [mesh_row(report, files) for report, files in drawn]
+    print_mesh_rows(out, rows, folder)
+    out.result({"frames": rows})
 
 
-def _tour(display: Display, session: str, viewer: str) -> Tour:
-    """Who looks at time t, as a function."""
-    if session:
-        recorded = session_named(session, display)
-        return lambda time_s: recorded.at(recorded.start_s + time_s % recorded.duration_s)
-    person = _stander(display, viewer)
-    return lambda time_s: (replace(person, time_s=time_s),)
+def _say_who(viewers: Sequence[Viewer], out: Output) -> None:
+    if len(viewers) > 1:
+        name = f" ('{viewers[0].name}')" if viewers[0].name else ""
+        out.say(f"a mesh is drawn for one viewer: the first of {len(viewers)}{name}")
 
 
-def _stander(display: Display | None, viewer: str) -> Viewer:
-    if viewer:
-        return Viewer(place(viewer, "--viewer"))
-    return standing_viewer(display) if display else Viewer((0.0, 0.0, 0.0))
-
-
-def _moments(display: Display, session: str, viewer: str, frames: int) -> list[Sequence[Viewer]]:
-    tour = _tour(display, session, viewer)
-    if not session:
-        return [tour(number * _STEP_S) for number in range(frames)]
-    recorded = session_named(session, display)
-    times_s = recorded.start_s + np.linspace(0, recorded.duration_s, frames + 2)[1:-1]
-    return [recorded.at(float(time_s)) for time_s in times_s]
+def _show_image(content: Image, asked: _Asked, policy: Policy, fit: Fit, folder: Path | None, out: Output) -> None:
+    shown = asked.shown
+    if folder is None or shown is None:
+        settings = LiveSettings(policy=policy, fit=fit, overlay=asked.overlay, seconds=asked.seconds)
+        last = run_live(content, shown, asked.tour() if shown else None, settings, out.say)
+        out.result({"frames": [image_row(last, [])] if last else []})
+        return
+    rows = list(
+        write_image_frames(out, content, shown, asked.moments(), policy, OnSurface(fit), folder, asked.suffix,
+                           scale=asked.scale, overlay=asked.overlay, simulate=asked.simulate)
+    )  # fmt: skip
+    print_image_rows(out, rows, folder)
+    out.result({"frames": rows})

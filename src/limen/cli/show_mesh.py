@@ -19,11 +19,12 @@ from limen.cli.show_image import FrameRow
 from limen.data.mesh import Mesh
 from limen.data.resample import linear_of_srgb
 from limen.display.display import Display
-from limen.draw.scene import Depth
+from limen.draw.scene import Depth, SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import open_device
 from limen.live_scene import Animation, SceneSettings, eye_camera, posed
+from limen.placement import arrangement_of, facing_of_wall
 from limen.present.file import write_picture
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
 from limen.viewer import Viewer
@@ -69,13 +70,14 @@ class MeshOptions:
         str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")
     ] = ""
 
-    def live(self, overlay: bool = False, seconds: float | None = None) -> SceneSettings:
-        """The options as a scene's settings."""
+    def settings(self, display: Display | None, overlay: bool, seconds: float | None = None) -> SceneSettings:
+        """The options as a scene's settings, for a whole display if there is one."""
         at_m = place(self.at, "--at") if self.at else None
         background = _light_of(self.background) if self.background else BACKGROUND
-        return SceneSettings(
+        settings = SceneSettings(
             self.stereo, self.animate, overlay, seconds, self.size_m, at_m, self.up, self.turn_deg, background
         )
+        return settings if display is None else settings.standing_in(display)
 
 
 MESH_DEFAULT = MeshOptions()
@@ -100,14 +102,18 @@ def write_mesh_frames(
     display: Display,
     moments: Sequence[Sequence[Viewer]],
     options: MeshOptions,
+    settings: SceneSettings,
     folder: Path,
     suffix: str,
     *,
-    overlay: bool,
     simulate: bool,
 ) -> Iterator[tuple[SceneReport, list[str]]]:
-    """Write what every panel shows, frame by frame: the frame's report, and the files."""
-    settings = options.live(overlay)
+    """Write what every panel shows, frame by frame: the frame's report, and the files.
+
+    ``settings`` are those of ``options``, with the mesh standing where the whole display wants it.
+    """
+    _check_simulation(options, simulate)
+    overlay: SceneOverlay | None = "panels" if settings.overlay else None
     with open_device() as device, SceneRenderer(
         device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
         depth=options.depth, background=settings.background,
@@ -118,7 +124,7 @@ def write_mesh_frames(
             files: list[str] = []
             reports: dict[int, SceneReport] = {}  # one for every quilt
             draw = renderer.quilt_pictures if options.write == "quilts" else renderer.pictures
-            for name, picture, report in draw(viewers[0], overlay="panels" if overlay else None):
+            for name, picture, report in draw(viewers[0], overlay=overlay):
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
@@ -132,23 +138,37 @@ def _simulated(
     renderer: SceneRenderer,
     viewers: Sequence[Viewer],
     options: MeshOptions,
-    overlay: bool,
+    overlay: SceneOverlay | None,
 ) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     """What the viewer sees of the lit display, and what somebody sees from elsewhere and from afar."""
-    display, eye_m = renderer.display, np.array(viewers[0].position_m)
+    display, viewer = renderer.display, viewers[0]
+    eye_m = np.array(viewer.position_m)
     elsewhere = np.array(place(options.seen_from, "--seen-from")) if options.seen_from else _aside(eye_m, display)
     corners = np.concatenate([panel.outline_m for panel in display.panels])
-    is_wall = float(np.linalg.norm(display.facing)) > 0.5
-    onlooker = display.facing + np.array([0.5, 0.3, 0.0]) if is_wall else np.array([0.45, 0.35, 1.0])
-    cameras = [eye_camera(display, each, _SEEN_PX) for each in (eye_m, elsewhere)]
+    is_wall = arrangement_of(display) == "wall"
+    onlooker = facing_of_wall(display) + np.array([0.5, 0.3, 0.0]) if is_wall else np.array([0.45, 0.35, 1.0])
+    cameras = [eye_camera(display, each, _SEEN_PX, viewer.direction) for each in (eye_m, elsewhere)]
     cameras.append(Camera.framing(corners, onlooker, _SEEN_PX))
-    seen = renderer.seen(viewers[0], cameras, overlay="panels" if overlay else None)
+    seen = renderer.seen(viewer, cameras, overlay=overlay)
     yield from zip(("eye", "elsewhere", "afar"), seen, strict=True)
 
 
+def _check_simulation(options: MeshOptions, simulate: bool) -> None:
+    """Refuse what cannot be simulated before anything is drawn."""
+    if options.seen_from:
+        place(options.seen_from, "--seen-from")
+        if not simulate:
+            raise InputError("--seen-from is a place to look at the simulated display from: give --simulate too")
+    if simulate and options.stereo not in ("none", "anaglyph"):
+        raise InputError(f"--simulate shows what one eye sees: give --stereo none or anaglyph, not {options.stereo}")
+
+
 def _aside(eye_m: Floats, display: Display) -> Floats:
-    """Where the viewer would be a few steps on around the display."""
-    middle = display.bounds_m.mean(axis=0)
+    """Where the viewer would be a few steps on: around the display, or across the room."""
+    low, high = display.bounds_m
+    if arrangement_of(display) == "room":
+        return np.asarray(eye_m + np.array([0.25 * (high[0] - low[0]), 0.0, 0.0]))
+    middle = (low + high) / 2
     x, y, z = eye_m - middle
     turn = math.radians(_ASIDE_DEG)
     step = [math.cos(turn) * x + math.sin(turn) * z, y, -math.sin(turn) * x + math.cos(turn) * z]

@@ -1,0 +1,71 @@
+"""Where a mesh stands on each kind of display."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from limen.display.display import Display
+from limen.errors import InputError
+from limen.placement import arrangement_of, mesh_in_room
+from limen.track.stand import standing_viewer
+
+BOX = np.array([(-1.0, 0.0, 2.0), (3.0, 2.0, 3.0)])
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("cube", "object"), ("knot", "object"), ("cylinder", "object"), ("cave", "room"), ("reality-deck", "room"),
+     ("rostock", "wall"), ("desk", "wall"), ("desktop", "wall")],
+)  # fmt: skip
+def test_people_are_around_inside_or_before_a_display(name: str, expected: str) -> None:
+    assert arrangement_of(Display.preset(name)) == expected
+
+
+def is_behind_a_panel(display: Display, place: np.ndarray, eye: np.ndarray) -> bool:
+    """Whether the way from the eye to a place goes through the rectangle of a panel that faces the eye."""
+    for panel in display.panels:
+        height, depth = (float(np.dot(each - panel.centre_m, panel.normal)) for each in (eye, place))
+        if height > 0 > depth:
+            meets = eye + (place - eye) * height / (height - depth) - np.array(panel.origin_m)
+            along = np.array([np.dot(meets, panel.right), np.dot(meets, panel.down)])
+            if np.all((along > 0) & (along < panel.size_m)):
+                return True
+    return False
+
+
+@pytest.mark.parametrize("size_m", [None, 0.4])
+@pytest.mark.parametrize("name", ["cube", "teapot", "cave", "reality-deck", "rostock", "desk"])
+def test_a_mesh_is_inside_an_object_and_behind_walls(name: str, size_m: float | None) -> None:
+    display = Display.preset(name)
+    matrix = mesh_in_room(BOX, display, size_m=size_m)
+    corners = np.array([(x, y, z, 1.0) for x in BOX[:, 0] for y in BOX[:, 1] for z in BOX[:, 2]])
+    placed = (corners @ matrix.T)[:, :3]
+    if size_m is not None:
+        assert float(np.ptp(placed, axis=0).max()) == pytest.approx(size_m)
+    middle = placed.mean(axis=0)
+    match arrangement_of(display):
+        case "object":
+            np.testing.assert_allclose(middle, display.bounds_m.mean(axis=0), atol=1e-9)
+        case "room":
+            assert placed[:, 2].max() <= display.bounds_m[0, 2] + 1e-9
+        case _:
+            assert is_behind_a_panel(display, middle, np.array(standing_viewer(display).position_m))
+
+
+def test_up_and_turn_are_about_the_middle() -> None:
+    """The file's z points up; a quarter turn counter-clockwise takes what pointed right away from +z's viewer."""
+    display = Display.preset("desktop")
+    upright = mesh_in_room(BOX, display, size_m=4.0, at_m=(0, 0, 0), up="z")
+    np.testing.assert_allclose(upright[:3, :3], [(1, 0, 0), (0, 0, 1), (0, -1, 0)], atol=1e-12)
+    np.testing.assert_allclose(upright @ [1.0, 1.0, 2.5, 1.0], [0, 0, 0, 1], atol=1e-12)
+    turned = mesh_in_room(BOX, display, size_m=4.0, at_m=(0, 0, 0), turn_deg=90.0)
+    np.testing.assert_allclose(turned[:3, :3] @ [1.0, 0, 0], [0, 0, -1], atol=1e-12)
+
+
+def test_what_has_no_size_is_refused() -> None:
+    with pytest.raises(InputError, match="a single point"):
+        mesh_in_room(np.zeros((2, 3)), Display.preset("desktop"))
+    for size_m in (0.0, -1.0, float("inf"), float("nan")):
+        with pytest.raises(InputError, match="positive number of metres"):
+            mesh_in_room(BOX, Display.preset("desktop"), size_m=size_m)
