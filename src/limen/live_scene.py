@@ -24,7 +24,7 @@ from limen.present.window import Surface, open_canvas
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
 from limen.viewer import Viewer
 
-__all__ = ["Animation", "SceneSettings", "eye_camera", "posed", "run_live_scene"]
+__all__ = ["Animation", "SceneSettings", "check_one_picture", "eye_camera", "posed", "run_live_scene"]
 
 Animation: TypeAlias = Literal["none", "ripple", "turn"]
 
@@ -66,6 +66,19 @@ class SceneSettings:
         """The same with size and place as a whole display suggests them: parts of it then show parts of one scene."""
         at_m, size_m = mesh_stand(display, self.size_m)
         return replace(self, at_m=self.at_m or at_m, size_m=size_m)
+
+
+def check_one_picture(stereo: Stereo) -> None:
+    """Raises
+    ------
+    InputError
+        For two eyes that are not mixed into one picture.
+    """
+    if stereo not in ("none", "anaglyph"):
+        raise InputError(
+            f"a window shows one picture at a time, not '{stereo}': give --stereo none or anaglyph, or --out FOLDER to "
+            "write both"
+        )
 
 
 def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: float) -> None:
@@ -118,11 +131,7 @@ class LiveScene:
         self, device: Device, mesh: Mesh, display: Display | None, tour: Tour | Viewer, settings: SceneSettings
     ) -> None:
         self._device, self._mesh, self._tour, self._settings = device, mesh, tour, settings
-        if settings.stereo not in ("none", "anaglyph"):
-            raise InputError(
-                f"a window shows one picture at a time, not '{settings.stereo}': give --stereo none or anaglyph, or "
-                "--out FOLDER to write both"
-            )
+        check_one_picture(settings.stereo)
         self._simulated = None if display is None else _as_fine_as_seen(display)
         self._in_a_room = display is not None and arrangement_of(display) == "room"
         self._overlay = settings.overlay

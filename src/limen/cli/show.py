@@ -28,6 +28,7 @@ from limen.data.opening import open_content
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.live import LiveSettings, Tour, run_live
+from limen.live_outputs import run_live_outputs
 from limen.live_scene import run_live_scene
 from limen.placement import Fit, OnSurface
 from limen.tolerance import Policy
@@ -154,7 +155,12 @@ def _show_mesh(content: Mesh, asked: _Asked, options: MeshOptions, folder: Path 
     if folder is None or shown is None:
         tour = asked.tour() if asked.session and shown else asked.stander()
         _say_who([tour] if isinstance(tour, Viewer) else tour(0.0), out)
-        last = run_live_scene(content, shown, tour, settings, out.say)
+        if options.window == "outputs" and shown is None:
+            raise InputError("--window outputs needs --display, with the quilts that go to this machine's screens")
+        if options.window == "outputs" and shown is not None:
+            last = run_live_outputs(content, shown, tour, settings, out.say)
+        else:
+            last = run_live_scene(content, shown, tour, settings, out.say)
         out.result({"frames": [mesh_row(last, [])] if last else []})
         return
     moments = asked.moments()

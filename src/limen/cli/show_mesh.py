@@ -65,6 +65,13 @@ class MeshOptions:
     write: Annotated[
         Literal["panels", "quilts"], Parameter(help="With --out: a picture for every panel, or one for every quilt.")
     ] = "panels"
+    window: Annotated[
+        Literal["eye", "outputs"],
+        Parameter(
+            help="Without --out: what the viewer's eye sees of the simulated display; or the display's quilts, each on "
+            "the screen that it is named after in the display file."
+        ),
+    ] = "eye"
     background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
     seen_from: Annotated[
         str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")

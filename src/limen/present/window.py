@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import glfw
 
 from limen.errors import DeviceError
 
-__all__ = ["Canvas", "open_canvas"]
+__all__ = ["Canvas", "open_canvas", "run_together", "screen_names"]
 
 
 class Surface(NamedTuple):
@@ -46,11 +47,14 @@ class Canvas:
         Returns when the window is closed, after ``seconds``, or on Ctrl-C. An error in ``draw`` closes the window
         and is raised here.
         """
+        run_together([self], [draw], handle, seconds=seconds)
+
+    def _begin(self, draw: Callable[[Surface], str], handle: Callable[[dict[str, Any]], None], until_s: float) -> None:
         begin = time.perf_counter()
 
         def paint() -> None:
             now = time.perf_counter() - begin
-            if seconds is not None and now > seconds:
+            if now > until_s:
                 self._canvas.close()
                 return
             texture = self._context.get_current_texture()
@@ -63,11 +67,6 @@ class Canvas:
 
         self._canvas.add_event_handler(handle, "wheel", "pointer_down", "pointer_move", "pointer_up", "key_down")
         self._canvas.request_draw(paint)
-        with contextlib.suppress(KeyboardInterrupt):
-            self._loop.run()
-        self._canvas.close()
-        if self._fault is not None:
-            raise self._fault
 
     @property
     def pixel_ratio(self) -> float:
@@ -78,6 +77,39 @@ class Canvas:
         self._canvas.close()
 
 
+def run_together(
+    canvases: Sequence[Canvas],
+    draws: Sequence[Callable[[Surface], str]],
+    handle: Callable[[dict[str, Any]], None],
+    *,
+    seconds: float | None = None,
+) -> None:
+    """`Canvas.run` for several windows, each with a drawing function of its own; one that fails closes all."""
+    for canvas, draw in zip(canvases, draws, strict=True):
+        canvas._begin(_closing(draw, canvases), handle, math.inf if seconds is None else seconds)
+    with contextlib.suppress(KeyboardInterrupt):
+        canvases[0]._loop.run()
+    for canvas in canvases:
+        canvas.close()
+    for canvas in canvases:
+        if canvas._fault is not None:
+            raise canvas._fault
+
+
+def _closing(draw: Callable[[Surface], str], canvases: Sequence[Canvas]) -> Callable[[Surface], str]:
+    """The same drawing; an error in it closes all windows."""
+
+    def draw_or_close(surface: Surface) -> str:
+        try:
+            return draw(surface)
+        except BaseException:
+            for canvas in canvases:
+                canvas.close()
+            raise
+
+    return draw_or_close
+
+
 def _connect() -> None:
     """Ask for the screen; without one, the backend's import would end the process (an assertion in C)."""
     with warnings.catch_warnings(record=True) as said:
@@ -86,8 +118,27 @@ def _connect() -> None:
             raise DeviceError(str(said[-1].message) if said else "GLFW finds no screen")
 
 
-def open_canvas(wgpu_device: Any, size: tuple[int, int], title: str) -> Canvas:
+def screen_names() -> list[str]:
+    """What the system calls this machine's screens; those of one name are told apart by their order.
+
+    Raises
+    ------
+    DeviceError
+        If there is no screen.
+    """
+    _connect()
+    return [_text(glfw.get_monitor_name(monitor)) for monitor in glfw.get_monitors()]
+
+
+def open_canvas(wgpu_device: Any, size: tuple[int, int], title: str, *, screen: int | None = None) -> Canvas:
     """Open a window.
+
+    Parameters
+    ----------
+    size
+        Of a window with a frame, in the units that the system counts windows in.
+    screen
+        Fills this screen, by its number in `screen_names`.
 
     Raises
     ------
@@ -100,8 +151,23 @@ def open_canvas(wgpu_device: Any, size: tuple[int, int], title: str) -> Canvas:
         from rendercanvas.glfw import RenderCanvas, loop
 
         canvas = RenderCanvas(size=size, title=title, update_mode="continuous", max_fps=60, vsync=True)
+        if screen is not None:
+            _fill(canvas, glfw.get_monitors()[screen])
     except Exception as error:
         raise DeviceError(
             f"no window can be opened here ({' '.join(str(error).split())}); add --out FOLDER to write pictures instead"
         ) from None
     return Canvas(canvas, loop, wgpu_device)
+
+
+def _fill(canvas: Any, monitor: Any) -> None:
+    """Lay a window over a whole screen. (The system's own full screen hides when another window is clicked.)"""
+    window, mode = canvas._window, glfw.get_video_mode(monitor)  # rendercanvas has no word for screens
+    x, y = glfw.get_monitor_pos(monitor)
+    glfw.set_window_attrib(window, glfw.DECORATED, glfw.FALSE)
+    glfw.set_window_pos(window, x, y)
+    glfw.set_window_size(window, mode.size.width, mode.size.height)
+
+
+def _text(name: bytes | str) -> str:
+    return name.decode() if isinstance(name, bytes) else name

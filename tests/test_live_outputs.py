@@ -1,0 +1,116 @@
+"""A mesh on the screens of this machine: every window shows its quilt, all of one moment."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import wgpu
+from numpy.typing import NDArray
+
+from limen.data.mesh import Mesh
+from limen.data.mesh_sample import torus_knot
+from limen.display.display import Display
+from limen.display.panel import Panel
+from limen.display.quilt import Quilt
+from limen.errors import InputError
+from limen.present.window import Surface
+from limen.viewer import Viewer
+
+pytestmark = pytest.mark.gpu
+
+VIEWER = Viewer((0.0, 1.2, 0.8))
+LEFT = Panel("left", (120, 80), (-0.3, 1.4, 0.0), (1, 0, 0), (0, -1, 0), (0.0025, 0.0025))
+RIGHT = replace(LEFT, name="right", origin_m=(0.0, 1.4, 0.0))
+MAPPED = Display(
+    "two", (LEFT, RIGHT),
+    quilts=(Quilt((130, 90), (0,), ((5, 5),), output="one"), Quilt((80, 120), (1,), ((0, 0),), (1,), output="two")),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def mesh() -> Mesh:
+    return torus_knot(3000)
+
+
+def draw(device: Any, live: Any, number: int, size_px: tuple[int, int], time_s: float = 0.0) -> NDArray[np.uint8]:
+    from limen.gpu.buffers import TextureReader
+
+    usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC
+    window_format = wgpu.TextureFormat.rgba8unorm_srgb
+    texture = device.wgpu.create_texture(size=(*size_px, 1), format=window_format, usage=usage)
+    live.draw(number, Surface(texture.create_view(), window_format, size_px, time_s))
+    reader = TextureReader(device)
+    picture = reader.read(texture)
+    reader.destroy()
+    texture.destroy()
+    return picture
+
+
+def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
+    from limen.live_outputs import LiveOutputs
+    from limen.live_scene import SceneSettings
+    from limen.scene import SceneRenderer
+
+    live = LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings())
+    windows = [draw(device, live, number, quilt.size_px) for number, quilt in enumerate(MAPPED.quilts)]
+    live.close()
+    with SceneRenderer(device, MAPPED, mesh) as renderer:
+        quilts = {name: picture.copy() for name, picture, _ in renderer.quilt_pictures(VIEWER)}
+    assert list(quilts) == ["one", "two"]
+    for window, quilt in zip(windows, quilts.values(), strict=True):
+        np.testing.assert_array_equal(window, quilt)
+        assert (window.max(axis=-1) > 100).sum() > 300, "the knot is on both panels"
+
+
+def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
+    from limen.live_outputs import LiveOutputs
+    from limen.live_scene import SceneSettings
+
+    live = LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings(animate="turn"))
+    first, second = (quilt.size_px for quilt in MAPPED.quilts)
+    still = draw(device, live, 1, second)
+    draw(device, live, 0, first, time_s=2.0)
+    turned = draw(device, live, 1, second, time_s=7.0)
+    assert (turned != still).any(), "the first window's time is everybody's"
+    live.handle({"event_type": "key_down", "key": " "})
+    draw(device, live, 0, first, time_s=4.0)
+    np.testing.assert_array_equal(draw(device, live, 1, second), turned)
+    live.handle({"event_type": "key_down", "key": "o"})
+    assert (draw(device, live, 1, second) != turned).any()
+    assert not live.closed
+    live.handle({"event_type": "key_down", "key": "q"})
+    assert live.closed
+    live.close()
+
+
+def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
+    from limen.live_outputs import LiveOutputs
+    from limen.live_scene import SceneSettings
+
+    live = LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings())
+    with pytest.raises(InputError, match="output 'two' has 90 x 120 pixels and its quilt 80 x 120"):
+        draw(device, live, 1, (90, 120))
+    live.close()
+
+
+def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device: Any, mesh: Mesh) -> None:
+    from limen.live_outputs import LiveOutputs
+    from limen.live_scene import SceneSettings
+
+    with pytest.raises(InputError, match="add \\[\\[quilt\\]\\]"):
+        LiveOutputs(device, mesh, Display("bare", (LEFT,)), VIEWER, SceneSettings())
+    with pytest.raises(InputError, match="one picture at a time"):
+        LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings(stereo="sequential"))
+
+
+@pytest.mark.parametrize(
+    ("output", "names", "screen"),
+    [("DP-1", ["DP-1", "DP-2"], 0), ("2", ["DP-1", "DP-2"], 1), ("TV", ["TV", "TV"], None), ("3", ["TV"], None), ("", ["TV"], None)],
+)  # fmt: skip
+def test_which_screen_an_output_means(output: str, names: list[str], screen: int | None) -> None:
+    from limen.live_outputs import _screen_of
+
+    assert _screen_of(output, names) == screen
