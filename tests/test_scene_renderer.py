@@ -13,7 +13,7 @@ from limen.camera import Camera
 from limen.data.mesh import Mesh
 from limen.data.mesh_sample import torus_knot
 from limen.display.display import Display
-from limen.errors import InputError
+from limen.errors import DeviceLimitError, InputError
 from limen.viewer import Viewer
 
 pytestmark = pytest.mark.gpu
@@ -87,6 +87,19 @@ def test_the_quilts_of_an_adapter_of_small_textures(
         assert len(renderer.quilts) > 1
         assert max(quilt.size_px[0] for quilt in renderer.quilts) <= widest
         assert len(pictures(renderer)) == 24
+
+
+def test_a_mapping_that_the_adapter_cannot_hold_is_named(device: Any, mesh: Mesh, wall: Display) -> None:
+    from limen.display.quilt import pack
+    from limen.scene import SceneRenderer
+
+    (packed,) = pack(wall)
+    mapped = Display("mapped", wall.panels, quilts=(replace(packed, output="HDMI-1"),))
+    small = replace(device, max_texture_px=packed.size_px[0])
+    with SceneRenderer(small, mapped, mesh) as renderer:
+        assert [name for name, *_ in renderer.quilt_pictures(VIEWER)] == ["HDMI-1"]
+    with pytest.raises(DeviceLimitError, match=r"quilt 'HDMI-1'.* several quilts"):
+        SceneRenderer(small, mapped, mesh, stereo="side-by-side")
 
 
 def test_two_eyes_that_are_one_see_the_same(device: Any, mesh: Mesh, wall: Display) -> None:

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.contrast import CONTRAST_OF_BYTE, ContrastSurvey
 from limen.data.image import Image
 from limen.data.mesh import Mesh
 from limen.data.opening import open_content
@@ -33,8 +32,9 @@ from limen.gpu.pool import PagePool
 from limen.placement import OnShape, OnSurface, Placement, mesh_in_room
 from limen.scene import SceneRenderer, Stereo
 from limen.select.cut import Cut
-from limen.select.detail import Detail, contrast_detail
+from limen.select.detail import Detail
 from limen.select.image import View, select, view_of
+from limen.select.surveyed import SurveyedContrast
 from limen.stream import Drawable, PageTable, Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
 from limen.viewer import Viewer
@@ -124,7 +124,7 @@ class Renderer:
             threads=threads or max(2, os.cpu_count() or 2),
         )
         self._parts: dict[Quilt, View] = {}
-        self._contrast = _Contrast(image)
+        self._contrast = SurveyedContrast(image)
         self._earlier: tuple[Viewer, ...] = ()
 
     # ------------------------------------------------------------------ live
@@ -269,42 +269,6 @@ class Renderer:
         return (
             self._stream.table() if isinstance(self.view.placement, OnShape) else self._stream.drawable(cut.pair_page)
         )
-
-
-class _Contrast:
-    """What is known of the contrast of an image's pages, and what that hides.
-
-    The first frame that asks starts a survey in the background, unless the bytes lie beside the image; pages not
-    surveyed yet count as full of contrast, so that nothing visible is ever missing.
-    """
-
-    def __init__(self, image: Image) -> None:
-        self._image = image
-        self._survey: ContrastSurvey | None = None
-        self._known: NDArray[np.uint8] | None = None
-        self._detail: Detail | None = None
-
-    def detail(self, view: View) -> Detail:
-        contrast = self._started().bytes
-        if self._detail is None or self._known is None or not np.array_equal(contrast, self._known):
-            self._known = contrast.copy()
-            luminance = np.array([panel.luminance_cd_m2 for panel in view.display.panels])
-            self._detail = contrast_detail(view.pyramid, CONTRAST_OF_BYTE[self._known], luminance)
-        return self._detail
-
-    def complete(self) -> None:
-        """Wait until every page is surveyed."""
-        self._started().run()
-
-    def close(self) -> None:
-        if self._survey is not None:
-            self._survey.close()
-
-    def _started(self) -> ContrastSurvey:
-        if self._survey is None:
-            self._survey = ContrastSurvey(self._image)
-            self._survey.start()
-        return self._survey
 
 
 def render(

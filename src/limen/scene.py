@@ -22,7 +22,7 @@ from limen.display.quilt import Quilt, pieces
 from limen.draw.eyes import Anaglyph
 from limen.draw.lit import LitDisplay
 from limen.draw.scene import Depth, SceneLayer, SceneOverlay
-from limen.errors import InputError
+from limen.errors import DeviceLimitError, InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
@@ -122,6 +122,7 @@ class SceneRenderer:
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
             display, max_size_px=device.max_texture_px // copies, max_px=max(max_quilt_px // copies, 2 * widest)
         )
+        _check_sizes(self.quilts, copies, device.max_texture_px)
         self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
         self._windows = {quilt: Windows(display, quilt, copies, self.guard_px) for quilt in self.quilts}
         self._device, self._mesh = device, mesh
@@ -270,3 +271,14 @@ class SceneRenderer:
             return np.array([viewer.position_m])
         eyes = viewer.eyes_m
         return eyes if len(eyes) == 2 else np.repeat(eyes, 2, axis=0)
+
+
+def _check_sizes(quilts: Sequence[Quilt], copies: int, max_texture_px: int) -> None:
+    """Quilts that limen packs fit the adapter; those of a display's own mapping may not."""
+    for number, quilt in enumerate(quilts):
+        width, height = quilt.size_px[0] * copies, quilt.size_px[1]
+        if max(width, height) > max_texture_px:
+            raise DeviceLimitError(
+                f"quilt '{quilt.output or number}' of the display's own mapping is {width} x {height} px for {copies} "
+                f"eye(s), this adapter holds {max_texture_px} px a side: map its panels to several quilts, or to none"
+            )

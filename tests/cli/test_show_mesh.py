@@ -292,6 +292,20 @@ def test_a_wall_of_many_panels_is_drawn_small(knot: Path, show: Show) -> None:
     assert 4 < len(seen) - dark < len(seen) / 2, "the mesh fills the height of the wall, and not its width"
 
 
+@pytest.mark.gpu
+def test_a_display_too_fine_to_be_simulated_is_simulated_coarser(
+    knot: Path, show: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = (knot, "--display", "rostock", "--scale", 0.1, "--simulate", "--animate", "turn", "--frames", 2)
+    fine = pictures(show(*words)[1])
+    monkeypatch.setattr("limen.cli.show_mesh._LIT_PX", 200_000)
+    coarse = pictures(show(*words)[1])
+    assert set(coarse) == set(fine)
+    np.testing.assert_array_equal(coarse["wall-2,1"], fine["wall-2,1"])
+    both, either = lit(coarse["eye"]) & lit(fine["eye"]), lit(coarse["eye"]) | lit(fine["eye"])
+    assert 0.85 < both.sum() / either.sum() < 1, "the same, drawn with larger pixels"
+
+
 NAN = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n" + (
     "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n"
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -22,7 +23,7 @@ from limen.display.display import Display
 from limen.draw.scene import Depth, SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.gpu.device import open_device
+from limen.gpu.device import Device, open_device
 from limen.live_scene import Animation, SceneSettings, eye_camera, posed
 from limen.placement import arrangement_of, facing_of_wall
 from limen.present.file import write_picture
@@ -33,6 +34,8 @@ __all__ = ["MESH_DEFAULT", "MeshOptions", "mesh_row", "print_mesh_rows", "write_
 
 _SEEN_PX = (1440, 1080)
 _ASIDE_DEG = 35.0
+_LIT_PX = 1 << 26
+"""Pixels of a simulated display in all, which lie in memory together: more are not seen in a picture."""
 
 
 @Parameter(name="*", group=Group("Meshes"))
@@ -94,7 +97,7 @@ def _light_of(colour: str) -> tuple[float, float, float]:
     """Linear light of ``#rrggbb``."""
     digits = colour.removeprefix("#")
     try:
-        codes = np.array([int(digits[at : at + 2], 16) for at in (0, 2, 4)]) / 255.0
+        codes = np.array(list(bytes.fromhex(digits))) / 255.0
     except ValueError:
         codes = np.zeros(0)
     if len(digits) != 6 or len(codes) != 3:
@@ -121,12 +124,17 @@ def write_mesh_frames(
     """
     _check_simulation(options, simulate)
     overlay: SceneOverlay | None = "panels" if settings.overlay else None
-    with open_device() as device, SceneRenderer(
-        device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
-        depth=options.depth, background=settings.background,
-    ) as renderer, out.progress("drawing", len(moments)) as step:  # fmt: skip
+    with ExitStack() as stack:
+        device = stack.enter_context(open_device())
+        renderer = stack.enter_context(_renderer(device, display, mesh, options, settings))
+        simulated = renderer
+        if simulate and display.total_px > _LIT_PX:
+            coarse = display.scaled(math.sqrt(_LIT_PX / display.total_px))
+            simulated = stack.enter_context(_renderer(device, coarse, mesh, options, settings))
+        step = stack.enter_context(out.progress("drawing", len(moments)))
         for number, viewers in enumerate(moments):
-            posed(renderer, mesh, settings, viewers[0].time_s)
+            for each in {renderer, simulated}:
+                posed(each, mesh, settings, viewers[0].time_s)
             target = folder / f"frame-{number:04d}"
             files: list[str] = []
             reports: dict[int, SceneReport] = {}  # one for every quilt
@@ -135,10 +143,19 @@ def write_mesh_frames(
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
-                for name, seen in _simulated(renderer, viewers, options, overlay):
+                for name, seen in _simulated(simulated, viewers, options, overlay):
                     files.append(str(write_picture(target / f"{name}.{suffix}", seen)))
             step(1)
             yield SceneReport.of(list(reports.values())), files
+
+
+def _renderer(
+    device: Device, display: Display, mesh: Mesh, options: MeshOptions, settings: SceneSettings
+) -> SceneRenderer:
+    return SceneRenderer(
+        device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
+        depth=options.depth, background=settings.background,
+    )  # fmt: skip
 
 
 def _simulated(
