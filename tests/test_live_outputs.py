@@ -108,7 +108,10 @@ def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device
 
 @pytest.mark.parametrize(
     ("output", "names", "screen"),
-    [("DP-1", ["DP-1", "DP-2"], 0), ("2", ["DP-1", "DP-2"], 1), ("TV", ["TV", "TV"], None), ("3", ["TV"], None), ("", ["TV"], None)],
+    [
+        ("DP-1", ["DP-1", "DP-2"], 0), ("2", ["DP-1", "DP-2"], 1), ("TV", ["TV", "TV"], None), ("3", ["TV"], None),
+        ("", ["TV"], None),
+    ],
 )  # fmt: skip
 def test_which_screen_an_output_means(output: str, names: list[str], screen: int | None) -> None:
     from limen.live_outputs import _screen_of
