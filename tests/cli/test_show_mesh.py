@@ -355,7 +355,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
 
 @pytest.mark.gpu
 def test_ctrl_c_leaves_whole_pictures(knot: Path, tmp_path: Path) -> None:
-    words = ["show", str(knot), "--display", "teapot", "--scale", "0.2", "--frames", "1000", "--out", str(tmp_path)]
+    words = ["show", str(knot), "--display", "cube", "--scale", "0.1", "--frames", "10000", "--out", str(tmp_path)]
     running = subprocess.Popen([*LIMEN, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60
     while not list(tmp_path.rglob("*.jpg")) and running.poll() is None and time.monotonic() < deadline:
@@ -378,7 +378,7 @@ def test_a_window_opens_and_closes(knot: Path) -> None:
     if shutil.which("xvfb-run") is None:
         pytest.skip("NO VIRTUAL SCREEN: install xvfb to test windows")
     done = subprocess.run(
-        ["xvfb-run", "-a", *LIMEN, "show", str(knot), "--display", "cube", "--seconds", "2", "--json"],
+        ["xvfb-run", "-a", *LIMEN, "show", str(knot), "--display", "cube", "--seconds", "1", "--json"],
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
