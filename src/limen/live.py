@@ -15,7 +15,7 @@ from limen.draw.image import Overlay, Sampling
 from limen.frame import FrameReport, Renderer
 from limen.gpu.device import Device, open_device
 from limen.placement import Fit, OnSurface
-from limen.present.window import Surface, open_canvas
+from limen.present.window import Surface, open_canvas, run_together
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 
@@ -180,14 +180,5 @@ def run_live(
         live = Live(device, image, display, tour, settings)
         live.pixel_ratio = canvas.pixel_ratio
         say(f"keys: {_HELP}; drag to move, wheel to zoom")
-
-        def handle(event: dict[str, Any]) -> None:
-            live.handle(event)
-            if live.closed:
-                canvas.close()
-
-        try:
-            canvas.run(live.draw, handle, seconds=settings.seconds)
-        finally:
-            live.close()
+        run_together([canvas], [live.draw], live, seconds=settings.seconds)
         return live.last

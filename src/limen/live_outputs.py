@@ -109,18 +109,8 @@ def run_live_outputs(
             place = "a window" if screen is None else f"screen {screen + 1}"
             say(f"{quilt.output or f'quilt {number}'}: {quilt.size_px[0]} x {quilt.size_px[1]} pixels in {place}")
         say(f"keys: {_HELP}")
-
-        def handle(event: dict[str, Any]) -> None:
-            live.handle(event)
-            if live.closed:
-                for canvas in canvases:
-                    canvas.close()
-
-        try:
-            draws = [partial(live.draw, number) for number in range(len(canvases))]
-            run_together(canvases, draws, handle, seconds=settings.seconds)
-        finally:
-            live.close()
+        draws = [partial(live.draw, number) for number in range(len(canvases))]
+        run_together(canvases, draws, live, seconds=settings.seconds)
         drawn = [report for report in live.last if report is not None]
         return SceneReport.of(drawn) if drawn else None
 

@@ -20,7 +20,7 @@ from limen.geometry import Floats, Vec3, as_vec3
 from limen.gpu.device import Device, open_device
 from limen.live import Tour
 from limen.placement import arrangement_of, mesh_in_room, mesh_stand
-from limen.present.window import Surface, open_canvas
+from limen.present.window import Surface, open_canvas, run_together
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
 from limen.viewer import Viewer
 
@@ -313,14 +313,5 @@ def run_live_scene(
         live = LiveScene(device, mesh, display, tour, settings)
         canvas = open_canvas(device.wgpu, _SIZE, mesh.path.name if mesh.path else "mesh")
         say(f"keys: {_HELP}; drag to turn, wheel to come nearer")
-
-        def handle(event: dict[str, Any]) -> None:
-            live.handle(event)
-            if live.closed:
-                canvas.close()
-
-        try:
-            canvas.run(live.draw, handle, seconds=settings.seconds)
-        finally:
-            live.close()
+        run_together([canvas], [live.draw], live, seconds=settings.seconds)
         return live.last

@@ -7,7 +7,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import glfw
 
@@ -25,8 +25,18 @@ class Surface(NamedTuple):
     time_s: float  # since the window opened
 
 
+class Live(Protocol):
+    """What windows draw: changed by events, until it wants to be closed."""
+
+    closed: bool
+
+    def handle(self, event: dict[str, Any]) -> None: ...
+
+    def close(self) -> None: ...
+
+
 class Canvas:
-    """A window on the screen; `run` draws until it is closed."""
+    """A window on the screen; `run_together` draws into it."""
 
     def __init__(self, canvas: Any, loop: Any, wgpu_device: Any) -> None:
         self._canvas, self._loop = canvas, loop
@@ -34,20 +44,6 @@ class Canvas:
         self._format = str(self._context.get_preferred_format(wgpu_device.adapter))
         self._context.configure(device=wgpu_device, format=self._format)
         self._fault: BaseException | None = None
-
-    def run(
-        self,
-        draw: Callable[[Surface], str],
-        handle: Callable[[dict[str, Any]], None],
-        *,
-        seconds: float | None = None,
-    ) -> None:
-        """Call ``draw`` for every frame (it returns the window's title) and ``handle`` for every event.
-
-        Returns when the window is closed, after ``seconds``, or on Ctrl-C. An error in ``draw`` closes the window
-        and is raised here.
-        """
-        run_together([self], [draw], handle, seconds=seconds)
 
     def _begin(self, draw: Callable[[Surface], str], handle: Callable[[dict[str, Any]], None], until_s: float) -> None:
         begin = time.perf_counter()
@@ -80,20 +76,41 @@ class Canvas:
 def run_together(
     canvases: Sequence[Canvas],
     draws: Sequence[Callable[[Surface], str]],
-    handle: Callable[[dict[str, Any]], None],
+    live: Live,
     *,
     seconds: float | None = None,
 ) -> None:
-    """`Canvas.run` for several windows, each with a drawing function of its own; one that fails closes all."""
-    for canvas, draw in zip(canvases, draws, strict=True):
-        canvas._begin(_closing(draw, canvases), handle, math.inf if seconds is None else seconds)
-    with contextlib.suppress(KeyboardInterrupt):
-        canvases[0]._loop.run()
-    for canvas in canvases:
-        canvas.close()
+    """Draw windows until they are closed, for ``seconds``, or until Ctrl-C.
+
+    Parameters
+    ----------
+    draws
+        One a window, called for every frame; returns the window's title. An error in one closes all and is raised here.
+    live
+        What they draw; told every event, and closed in the end.
+    """
+
+    def handle(event: dict[str, Any]) -> None:
+        live.handle(event)
+        if live.closed:
+            _close(canvases)
+
+    try:
+        for canvas, draw in zip(canvases, draws, strict=True):
+            canvas._begin(_closing(draw, canvases), handle, math.inf if seconds is None else seconds)
+        with contextlib.suppress(KeyboardInterrupt):
+            canvases[0]._loop.run()
+    finally:
+        _close(canvases)
+        live.close()
     for canvas in canvases:
         if canvas._fault is not None:
             raise canvas._fault
+
+
+def _close(canvases: Sequence[Canvas]) -> None:
+    for canvas in canvases:
+        canvas.close()
 
 
 def _closing(draw: Callable[[Surface], str], canvases: Sequence[Canvas]) -> Callable[[Surface], str]:
@@ -103,8 +120,7 @@ def _closing(draw: Callable[[Surface], str], canvases: Sequence[Canvas]) -> Call
         try:
             return draw(surface)
         except BaseException:
-            for canvas in canvases:
-                canvas.close()
+            _close(canvases)
             raise
 
     return draw_or_close
