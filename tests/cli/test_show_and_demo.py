@@ -84,6 +84,7 @@ def test_a_window_opens_and_closes(world):
         assert frame["missing"] <= late * frame["pages"]
 
 
+@pytest.mark.timeout(600)  # it makes an image of 0.66 gigapixels
 @pytest.mark.gpu
 def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys):
     assert limen("demo", "--content", world, "--out", tmp_path / "demo", "--json") == 0

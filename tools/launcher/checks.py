@@ -24,12 +24,16 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 """Name and arguments to Python. The shaders, the documentation and the examples are checked by tests."""
 
 
+_ALL_AT_ONCE = ("-n", "2", "--dist", "loadscope")
+"""Two processes, a file to each: most tests keep one core busy, and software graphics a little more."""
+
+
 def run_all(arguments: Sequence[str]) -> int:
     """0 if all is well, 1 if a check or a test failed; with arguments pytest alone decides."""
     began = time.monotonic()
     failed = [] if arguments else [name for name, words in CHECKS if not _check(name, words)]
     # Last, and straight to the terminal, so that its closing line is the one that stays in view.
-    code = subprocess.call([sys.executable, "-m", "pytest", *arguments], cwd=ROOT)
+    code = subprocess.call([sys.executable, "-m", "pytest", *(arguments or _ALL_AT_ONCE)], cwd=ROOT)
     if arguments:
         return code
     if code:
