@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from limen.data.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.placement import OnShape, OnSurface
+from limen.study.filters import magnified
 from limen.tolerance import Policy, tolerance_of
 
 pytestmark = pytest.mark.gpu
@@ -100,6 +102,15 @@ def test_texel_for_pixel_is_the_image_itself(studio: Any, memory_image: Any) -> 
     pixels = np.random.default_rng(1).integers(0, 256, (300, 500, 3), dtype=np.uint8)
     drawn = studio.draw(memory_image(pixels), _window((500, 300)), OnSurface("one-to-one"), _FULL)["window"]
     assert (drawn[..., :3] == pixels).all()
+
+
+def test_magnified_it_is_drawn_with_catmull_rom_in_linear_light(studio: Any, memory_image: Any) -> None:
+    pixels = np.random.default_rng(3).integers(0, 256, (300, 500, 3), dtype=np.uint8)
+    drawn = studio.draw(memory_image(pixels), _window((1150, 690)), OnSurface("contain"), _FULL)["window"]
+    light = magnified(linear_of_srgb(pixels / 255.0), (690, 1150), "catmull-rom")
+    # Half a code is 0.0045 of the light at white; adapters' sRGB is their own by some codes near black.
+    away = np.abs(linear_of_srgb(drawn[..., :3] / 255.0) - np.clip(light, 0, 1))
+    assert away.max() < 0.006
 
 
 def test_texel_for_pixel_lies_on_the_pixels_where_sides_differ_by_one(studio: Any, memory_image: Any) -> None:

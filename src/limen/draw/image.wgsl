@@ -104,28 +104,36 @@ struct Level {
 
 // ---------------------------------------------------------------- tolerance and level
 
-// The largest invisible error at a pixel, in pixels; the most demanding eye decides.
-fn tolerance_px(panel: u32, pixel: vec2<f32>) -> f32 {
-    let place = pixel * panels[panel].pitch_m;
-    var least = select(3.0e38, 0.0, frame.eyes == 0u);
-    for (var k = 0u; k < frame.eyes; k++) {
-        let eye = eyes[2u * (panel * frame.eyes + k)];
-        let gaze = eyes[2u * (panel * frame.eyes + k) + 1u];
-        let sight = vec3<f32>(place - eye.xy, -eye.z);
-        var allowed = eye.w * length(sight);
-        if any(gaze.xyz != vec3<f32>()) {
-            // The angle by its tangent: near the gaze its cosine is flat.
-            let aside = exact_atan2(length(cross(sight, gaze.xyz)), dot(sight, gaze.xyz));
-            allowed *= 1.0 + frame.per_deg * max(degrees(aside) - gaze.w, 0.0);
-        }
-        least = min(least, allowed);
+// The largest error at a place of a panel that one eye cannot see, in pixels.
+fn allowed_px(eye: vec4<f32>, gaze: vec4<f32>, place_m: vec2<f32>) -> f32 {
+    let sight = vec3<f32>(place_m - eye.xy, -eye.z);
+    var allowed = eye.w * length(sight);
+    if any(gaze.xyz != vec3<f32>()) {
+        // The angle by its tangent: near the gaze its cosine is flat.
+        let aside = exact_atan2(length(cross(sight, gaze.xyz)), dot(sight, gaze.xyz));
+        allowed *= 1.0 + frame.per_deg * max(degrees(aside) - gaze.w, 0.0);
+    }
+    return allowed;
+}
+
+// The same for all eyes from a number on, and no more than is given; the most demanding one decides.
+fn least_px(panel: u32, place_m: vec2<f32>, first: u32, given: f32) -> f32 {
+    var least = given;
+    for (var k = first; k < frame.eyes; k++) {
+        let row = 2u * (panel * frame.eyes + k);
+        least = min(least, allowed_px(eyes[row], eyes[row + 1u], place_m));
     }
     return least;
 }
 
+// The largest invisible error at a pixel, in pixels.
+fn tolerance_px(panel: u32, pixel: vec2<f32>) -> f32 {
+    return least_px(panel, pixel * panels[panel].pitch_m, 0u, select(3.0e38, 0.0, frame.eyes == 0u));
+}
+
 // The tolerance as levels: log2 of the texels of full resolution that it spans.
-fn tolerance_log2(panel: u32, pixel: vec2<f32>, footprint: f32) -> f32 {
-    return log2(max(tolerance_px(panel, pixel) * footprint, 1e-30)) + f32(frame.bias);
+fn tolerance_log2(tolerance_px: f32, footprint: f32) -> f32 {
+    return log2(max(tolerance_px * footprint, 1e-30)) + f32(frame.bias);
 }
 
 // A: the larger side of a pixel in texels.
@@ -323,10 +331,34 @@ fn tap_from(i: f32, texel: f32, narrow: f32) -> Tap {
     return Tap(at, w, i + 1.0);
 }
 
-// The light around a texel of a page, over the footprint of one pixel (texels along both axes).
-fn sharp(slot: Slot, texel: vec2<f32>, footprint: vec2<f32>) -> vec3<f32> {
+// Catmull-Rom's weights of the four texels around a place that lies so far behind the second.
+fn weights_of_four(behind: f32) -> vec4<f32> {
+    return vec4<f32>(weight(1.0 + behind), weight(behind), weight(1.0 - behind), weight(2.0 - behind));
+}
+
+fn four_of_row(first: vec2<i32>, layer: i32, across: vec4<f32>) -> vec3<f32> {
+    return across.x * textureLoad(pool, first, layer, 0).rgb
+        + across.y * textureLoad(pool, first + vec2<i32>(1, 0), layer, 0).rgb
+        + across.z * textureLoad(pool, first + vec2<i32>(2, 0), layer, 0).rgb
+        + across.w * textureLoad(pool, first + vec2<i32>(3, 0), layer, 0).rgb;
+}
+
+// Where texels are no smaller than pixels. Sixteen texels are read, not nine places between them: a software adapter
+// reads four texels for each of those, and an image shown texel for pixel comes out bit for bit.
+fn sharp_magnified(slot: Slot, texel: vec2<f32>) -> vec3<f32> {
+    let second = floor(texel - 0.5);
+    let across = weights_of_four(texel.x - 0.5 - second.x);
+    let down = weights_of_four(texel.y - 0.5 - second.y);
+    let first = vec2<i32>(slot.corner + second) - 1;
+    return down.x * four_of_row(first, slot.layer, across)
+        + down.y * four_of_row(first + vec2<i32>(0, 1), slot.layer, across)
+        + down.z * four_of_row(first + vec2<i32>(0, 2), slot.layer, across)
+        + down.w * four_of_row(first + vec2<i32>(0, 3), slot.layer, across);
+}
+
+// Where pixels span up to two texels.
+fn sharp_minified(slot: Slot, texel: vec2<f32>, width: vec2<f32>) -> vec3<f32> {
     let per_texel = 1.0 / (vec2<f32>(f32(frame.pool_columns), f32(frame.pool_rows)) * SIDE);
-    let width = clamp(footprint, vec2<f32>(1.0), vec2<f32>(2.0));
     let narrow = 1.0 / width;
     // The gutter holds every texel nearer than two footprints of two.
     let first = max(ceil(texel - 0.5 - 2.0 * width), vec2<f32>(-GUTTER));
@@ -347,19 +379,25 @@ fn sharp(slot: Slot, texel: vec2<f32>, footprint: vec2<f32>) -> vec3<f32> {
             if abs(across.weight) < 1e-4 {
                 continue;
             }
-            let place = slot.corner + vec2<f32>(across.at, along.at);
-            var texels: vec3<f32>;
-            if all(fract(place) == vec2<f32>(0.5)) {
-                // One texel, and exactly it: an image shown texel for pixel comes out bit for bit.
-                texels = textureLoad(pool, vec2<i32>(place), slot.layer, 0).rgb;
-            } else {
-                texels = textureSampleLevel(pool, bilinear, place * per_texel, slot.layer, 0.0).rgb;
-            }
+            let place = (slot.corner + vec2<f32>(across.at, along.at)) * per_texel;
+            let texels = textureSampleLevel(pool, bilinear, place, slot.layer, 0.0).rgb;
             row += across.weight * vec4<f32>(texels, 1.0);
         }
         light += along.weight * row;
     }
-    return clamp(light.rgb / light.a, vec3<f32>(), vec3<f32>(1.0));
+    return light.rgb / light.a;
+}
+
+// The light around a texel of a page, over the footprint of one pixel (texels along both axes).
+fn sharp(slot: Slot, texel: vec2<f32>, footprint: vec2<f32>) -> vec3<f32> {
+    let width = clamp(footprint, vec2<f32>(1.0), vec2<f32>(2.0));
+    var light: vec3<f32>;
+    if any(width > vec2<f32>(1.0)) {
+        light = sharp_minified(slot, texel, width);
+    } else {
+        light = sharp_magnified(slot, texel);
+    }
+    return clamp(light, vec3<f32>(), vec3<f32>(1.0));
 }
 
 fn smooth_sample(slot: Slot, texel: vec2<f32>) -> vec3<f32> {
@@ -405,9 +443,24 @@ fn share_of(below: f32, above: f32) -> f32 {
 
 // ---------------------------------------------------------------- flat
 
+// What all pixels of a quad have in common comes with its corners: software adapters took half their time to read it from
+// storage for every pixel.
 struct FlatVertex {
     @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat) quad: u32,
+    // Scale and offset.
+    @location(0) @interpolate(flat) map: vec4<f32>,
+    // From and until which tolerance, fade, over.
+    @location(1) @interpolate(flat) shares: vec4<f32>,
+    // Panel, level, slot, levels coarser.
+    @location(2) @interpolate(flat) names: vec4<u32>,
+    // Of the panel: its corner in the quilt and a pixel's sides, m.
+    @location(3) @interpolate(flat) panel_px_m: vec4<f32>,
+    // The first two eyes; there are seldom more.
+    @location(4) @interpolate(flat) eye_0: vec4<f32>,
+    @location(5) @interpolate(flat) gaze_0: vec4<f32>,
+    @location(6) @interpolate(flat) eye_1: vec4<f32>,
+    @location(7) @interpolate(flat) gaze_1: vec4<f32>,
+    @location(8) @interpolate(flat) footprint: f32,
 }
 
 // The quilt's position of a corner of a rectangle of one panel's pixels.
@@ -420,31 +473,55 @@ fn corner_position(panel: u32, rect_px: vec4<u32>, corner: u32) -> vec4<f32> {
 
 @vertex
 fn flat_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u32) -> FlatVertex {
-    return FlatVertex(corner_position(quads[index].panel, quads[index].rect_px, corner), index);
+    let quad = quads[index];
+    let row = 2u * quad.panel * frame.eyes;
+    let last = row + 2u * max(frame.eyes, 1u) - 2u;
+    return FlatVertex(
+        corner_position(quad.panel, quad.rect_px, corner),
+        vec4<f32>(quad.scale, quad.offset),
+        vec4<f32>(quad.from_log2, quad.until_log2, quad.fade, quad.over),
+        vec4<u32>(quad.panel, quad.level, quad.slot, quad.coarser),
+        vec4<f32>(vec2<f32>(panels[quad.panel].quilt_px), panels[quad.panel].pitch_m),
+        eyes[row],
+        eyes[row + 1u],
+        eyes[min(row + 2u, last)],
+        eyes[min(row + 2u, last) + 1u],
+        flat_footprint(quad.panel),
+    );
+}
+
+fn flat_tolerance_px(vertex: FlatVertex, pixel: vec2<f32>) -> f32 {
+    if frame.eyes == 0u {
+        return 0.0;
+    }
+    let place_m = pixel * vertex.panel_px_m.zw;
+    let first = allowed_px(vertex.eye_0, vertex.gaze_0, place_m);
+    let second = allowed_px(vertex.eye_1, vertex.gaze_1, place_m);
+    return least_px(vertex.names.x, place_m, 2u, min(first, second));
 }
 
 @fragment
 fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
-    let quad = quads[vertex.quad];
-    let pixel = vertex.position.xy - vec2<f32>(panels[quad.panel].quilt_px);
+    let panel = vertex.names.x;
+    let pixel = vertex.position.xy - vertex.panel_px_m.xy;
     // Pages of neighbouring levels overlap; the shares of all that cover a pixel add up to one. They are painted over
     // each other, the coarsest first, and not added up: the target rounds to 8 bits each time, and the sum of two
     // rounded parts differs by a code from either, which is seen as bands where a picture is smooth.
-    let tolerance = tolerance_log2(quad.panel, pixel, flat_footprint(quad.panel));
-    let below = ramp(quad.from_log2, tolerance);
-    let own = share_of(below, ramp(quad.until_log2, tolerance));
-    let share = own * quad.fade;
-    if share <= 0.0 || !in_outline(quad.panel, pixel) {
+    let tolerance = tolerance_log2(flat_tolerance_px(vertex, pixel), vertex.footprint);
+    let below = ramp(vertex.shares.x, tolerance);
+    let own = share_of(below, ramp(vertex.shares.y, tolerance));
+    let share = own * vertex.shares.z;
+    if share <= 0.0 || !in_outline(panel, pixel) {
         discard;
     }
-    let texel = quad.scale * pixel + quad.offset;
-    let colour = colour_of(quad.slot, texel, abs(quad.scale), quad.level, quad.coarser, quad.panel);
-    let mip = panels[quad.panel].mip + frame.bias;
-    let seen = tinted(colour, quad.level, mip, panels[quad.panel].true_mip, tolerance, quad.coarser);
+    let texel = vertex.map.xy * pixel + vertex.map.zw;
+    let colour = colour_of(vertex.names.z, texel, abs(vertex.map.xy), vertex.names.y, vertex.names.w, panel);
+    let mip = panels[panel].mip + frame.bias;
+    let seen = tinted(colour, vertex.names.y, mip, panels[panel].true_mip, tolerance, vertex.names.w);
     if OVERLAY == 2u {
         return seen;
     }
-    let painted_over = below + own * quad.over;
+    let painted_over = below + own * vertex.shares.w;
     return vec4<f32>(seen.rgb, min(share / max(1.0 - painted_over, share), 1.0));
 }
 
@@ -521,7 +598,7 @@ fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
     if !place.seen || !in_outline(panel, pixel) {
         discard;
     }
-    let tolerance = tolerance_log2(panel, pixel, footprint_of(place));
+    let tolerance = tolerance_log2(tolerance_px(panel, pixel), footprint_of(place));
     let mip = clamp(mip_of(place, 1.0) + frame.bias, 0, frame.top);
     let true_mip = mip_of(place, panels[panel].true_px);
     var light = vec4<f32>();
@@ -571,7 +648,7 @@ fn feedback(@builtin(global_invocation_id) id: vec3<u32>) {
         mip = mip_of(place, 1.0);
         footprint = footprint_of(place);
     }
-    let tolerance = tolerance_log2(panel, pixel, footprint);
+    let tolerance = tolerance_log2(tolerance_px(panel, pixel), footprint);
     var below = 0.0;
     for (var level = u32(clamp(mip + frame.bias, 0, frame.top)); i32(level) <= frame.top && below < 1.0; level++) {
         let above = max(share_up_to(panel, texel, level, tolerance), below);
