@@ -58,10 +58,12 @@ class PagePool:
         self.columns = _PER_SIDE
         self.rows = min(rows, _PER_SIDE)
         self.layers = min(rows // self.rows, device.max_layers)
+        if self.layers % 6 == 0:
+            self.layers -= 1  # OpenGL takes sixes of layers for cubes
         self.slots = self.columns * self.rows * self.layers
         self.bytes = self.slots * _PAGE_BYTES
         self._queue = device.wgpu.queue
-        self._texture = _texture(device, (self.columns * PAGE_SIDE, self.rows * PAGE_SIDE, self.layers))
+        self._texture = _texture(device, (self.columns * PAGE_SIDE, self.rows * PAGE_SIDE, max(self.layers, 2)))
         self.texels: Any = self._texture.create_view(dimension="2d-array")
 
     def write(self, uploads: Sequence[Placed]) -> None:
