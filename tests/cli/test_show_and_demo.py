@@ -207,7 +207,7 @@ def test_ctrl_c_ends_cleanly(words, world, tmp_path):
     time.sleep(6)
     assert running.poll() is None, running.communicate()[1]
     running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=30)
+    _, err = running.communicate(timeout=60)
     assert running.returncode == 130, err
     assert "Traceback" not in err
     assert "interrupted" in err

@@ -361,7 +361,7 @@ def test_ctrl_c_leaves_whole_pictures(knot: Path, tmp_path: Path) -> None:
     while not list(tmp_path.rglob("*.jpg")) and running.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
     running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=30)
+    _, err = running.communicate(timeout=60)
     assert running.returncode == 130, err
     assert "interrupted" in err
     assert "Traceback" not in err

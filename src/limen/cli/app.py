@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import difflib
 import os
 import sys
+import threading
 import traceback
 from collections.abc import Sequence
 
@@ -72,6 +74,8 @@ for _verb, (_summary, _example) in _VERBS.items():
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 2 the input is wrong, 1 limen's own fault, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = _interrupt_again
     if words and not words[0].startswith("-") and words[0] not in _VERBS:
         close = difflib.get_close_matches(words[0], _VERBS, n=1)
         meant = f"; did you mean '{close[0]}'?" if close else ""
@@ -90,12 +94,31 @@ def main(arguments: Sequence[str] | None = None) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except Exception as error:
+        if _was_interrupted(error):
+            _fail("interrupted", _EXIT_INTERRUPTED)
         if "-v" in words or "--verbose" in words:
             traceback.print_exc()
         _fail(
             f"a fault in limen itself: {type(error).__name__}: {error} (-v shows the traceback)",
             _EXIT_OURS,
         )
+
+
+def _interrupt_again(unraisable: sys.UnraisableHookArgs) -> None:
+    """Ctrl-C that falls into a finaliser (of a GPU object, say) is dropped by Python: once more, a moment later."""
+    if unraisable.exc_type is KeyboardInterrupt:
+        threading.Timer(0.05, _thread.interrupt_main).start()
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: who is interrupted while importing says that a module cannot be imported."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _verb_of(words: list[str]) -> str:

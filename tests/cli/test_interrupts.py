@@ -1,0 +1,48 @@
+"""Ctrl-C at moments when Python or a library would swallow it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from limen.cli.app import main
+
+DROPPED = """
+import _thread, sys, time
+from limen.cli import app
+
+class Finalised:
+    def __del__(self):
+        _thread.interrupt_main()
+        time.sleep(0.01)
+
+def verb(*_, **__):
+    Finalised()
+    time.sleep(20)
+
+app.app = verb
+app.main(["doctor"])
+"""
+
+
+def test_an_interrupt_that_falls_into_a_finaliser_comes_again() -> None:
+    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (130, "limen: interrupted\n")
+
+
+def test_an_import_that_was_interrupted_is_no_fault(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def verb(*_: object, **__: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as interrupt:
+            raise ImportError("Cannot import module") from interrupt
+
+    monkeypatch.setattr("limen.cli.app.app", verb)
+    with pytest.raises(SystemExit) as ended:
+        main(["doctor"])
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "limen: interrupted\n"
