@@ -117,7 +117,7 @@ class SceneRenderer:
         if stands.shape != (4, 4) or not np.isfinite(stands).all():
             raise InputError(f"a mesh is placed by finite numbers of the shape (4, 4), not {stands.shape}")
         self.room_from_mesh: Floats = stands
-        copies = 1 if stereo == "none" else 2
+        self._copies = copies = 1 if stereo == "none" else 2
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
             display, max_size_px=device.max_texture_px // copies, max_px=max(max_quilt_px // copies, 2 * widest)
@@ -125,7 +125,7 @@ class SceneRenderer:
         _check_sizes(self.quilts, copies, device.max_texture_px)
         self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
         self._windows = {quilt: Windows(display, quilt, copies, self.guard_px) for quilt in self.quilts}
-        self._device, self._mesh = device, mesh
+        self._device = device
         self._layer = SceneLayer(device, mesh, background=background, clip=clip)
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
         self._reader = TextureReader(device)
@@ -249,8 +249,7 @@ class SceneRenderer:
         begin = time.perf_counter()
         windows = self._windows.get(quilt)
         if windows is None:
-            copies = 1 if self.stereo == "none" else 2
-            windows = self._windows[quilt] = Windows(self.display, quilt, copies, guard_of(self.display, quilt))
+            windows = self._windows[quilt] = Windows(self.display, quilt, self._copies, guard_of(self.display, quilt))
         eyes_m = self._eyes(viewer)
         forward = np.repeat(np.array([viewer.direction]), len(eyes_m), axis=0)
         triangles = self._layer.sort(windows, eyes_m, self.room_from_mesh, forward=forward)
@@ -262,7 +261,7 @@ class SceneRenderer:
         )
         if self._anaglyph is not None:
             texture = self._anaglyph.draw(texture, target=target, target_format=target_format, slot=slot)
-        active = int(windows.seen_from(eyes_m[0]).facing.sum())
+        active = int(windows.facing(eyes_m[0]).sum())
         clock = (sorted_at - begin, time.perf_counter() - sorted_at)
         return _Drawn(quilt, texture, SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3))
 

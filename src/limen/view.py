@@ -110,13 +110,18 @@ class Windows:
         y = w - place[:, 1] * (2 / quilt_height)
         a, b, c = (lines.outline[:, :, number, None] for number in range(3))
         edges = a * across[:, None] + b * along[:, None] + c * w[:, None]
-        facing = height > _IN_PLANE_M
         farthest = np.linalg.norm(lines.outline_m - np.asarray(eye_m, dtype=float), axis=2).max(axis=1)
         near = np.maximum(height, 0) * _GUARDED * near_m / np.maximum(farthest, 1e-300)
         return PanelViews(
-            np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count, facing,
+            np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count,
+            self.facing(eye_m),
             np.asarray(eye_m, dtype=float), lines.outline_m,
         )  # fmt: skip
+
+    def facing(self, eye_m: Vec3 | Floats) -> NDArray[np.bool_]:
+        """Which panels an eye is in front of, shape (N,); one in a panel's plane sees nothing of it."""
+        relative = np.asarray(eye_m, dtype=float) - self._lines.origin_m
+        return np.asarray(np.einsum("na,na->n", self._lines.normal, relative) > _IN_PLANE_M)
 
     @cached_property
     def light(self) -> tuple[Floats, Floats]:
