@@ -1,0 +1,222 @@
+"""Delaunay triangulation of posts in a rectangle, one inserted after the other (Lawson 1977; Guibas, Stolfi 1985).
+
+Half-edge ``e`` is side ``e % 3`` of triangle ``e // 3``; ``edges[e]`` holds the vertex that it starts at and the
+half-edge on its other side, -1 on the border. ``points`` holds column, row, and for a vertex on the border the
+half-edge that leaves it along the border. Coordinates are below 2^13, so that every predicate is exact in 64 bits.
+``counts`` holds how many vertices, triangles, and stale triangles there are; ``stale`` lists those that changed since
+their posts were last looked at, marked by a negative value in ``worst``. Seen with columns to the right and rows *up*,
+triangles turn counter-clockwise.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["STALE", "TRIANGLES", "VERTICES", "Mesh", "insert", "insert_on_border", "locate", "orient", "start"]
+
+VERTICES, TRIANGLES, STALE = 0, 1, 2
+"""Places in ``counts``."""
+
+
+class Mesh(NamedTuple):
+    """A triangulation that grows; arrays have room for more than ``counts`` says."""
+
+    points: NDArray[np.int32]  # (V, 3)
+    edges: NDArray[np.int32]  # (3 T, 2)
+    worst: NDArray[np.float64]  # (T,): largest residual in metres
+    post: NDArray[np.int32]  # (T, 2): column and row where it is; -1 where there is none
+    stale: NDArray[np.int32]  # (T,)
+    stack: NDArray[np.int32]  # (T + 4,): edges that may have to be flipped
+    counts: NDArray[np.int64]  # (3,)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def orient(points: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
+    """Twice the area of a, b and (x, y): positive to the left of a-b, where rows go up."""
+    ax, ay = np.int64(points[a, 0]), np.int64(points[a, 1])
+    return (points[b, 0] - ax) * (y - ay) - (points[b, 1] - ay) * (x - ax)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _in_circle(points: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    """Whether d lies strictly inside the circle through a, b, c (Guibas, Stolfi 1985, InCircle)."""
+    dx, dy = np.int64(points[d, 0]), np.int64(points[d, 1])
+    ax, ay = points[a, 0] - dx, points[a, 1] - dy
+    bx, by = points[b, 0] - dx, points[b, 1] - dy
+    cx, cy = points[c, 0] - dx, points[c, 1] - dy
+    ab, bc, ca = ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax
+    return (ax * ax + ay * ay) * bc + (bx * bx + by * by) * ca + (cx * cx + cy * cy) * ab > 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _next(e: Any) -> Any:
+    return e - 2 if e % 3 == 2 else e + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _link(points: Any, edges: Any, e: Any, other: Any) -> None:
+    edges[e, 1] = other
+    if other >= 0:
+        edges[other, 1] = e
+    else:
+        points[edges[e, 0], 2] = e
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _touch(mesh: Any, t: Any) -> None:
+    if mesh.worst[t] >= 0.0:
+        mesh.worst[t] = -1.0
+        mesh.stale[mesh.counts[2]] = t
+        mesh.counts[2] += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _triangle(mesh: Any, t: Any, a: Any, b: Any, c: Any) -> None:
+    mesh.edges[3 * t, 0], mesh.edges[3 * t + 1, 0], mesh.edges[3 * t + 2, 0] = a, b, c
+    _touch(mesh, t)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _new_triangle(mesh: Any) -> Any:
+    t = mesh.counts[1]
+    mesh.counts[1] += 1
+    mesh.worst[t] = 0.0
+    return t
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _new_vertex(mesh: Any, x: Any, y: Any) -> Any:
+    p = mesh.counts[0]
+    mesh.counts[0] += 1
+    mesh.points[p, 0], mesh.points[p, 1], mesh.points[p, 2] = x, y, -1
+    return p
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _flip_until_delaunay(mesh: Any, size: Any) -> None:
+    """Flip edges on the stack, each opposite the vertex just inserted, and those that flips uncover (Lawson 1977)."""
+    points, edges, stack = mesh.points, mesh.edges, mesh.stack
+    while size > 0:
+        size -= 1
+        e = stack[size]
+        h = edges[e, 1]
+        if h < 0:
+            continue
+        en, hn = _next(e), _next(h)
+        ep, hp = _next(en), _next(hn)
+        a, b, p, q = edges[e, 0], edges[en, 0], edges[ep, 0], edges[hp, 0]
+        if not _in_circle(points, p, a, b, q):
+            continue
+        beside_aq, beside_qb, beside_bp = edges[hn, 1], edges[hp, 1], edges[en, 1]
+        edges[en, 0], edges[h, 0], edges[hn, 0], edges[hp, 0] = q, q, b, p
+        _link(points, edges, e, beside_aq)
+        _link(points, edges, h, beside_qb)
+        _link(points, edges, hn, beside_bp)
+        _link(points, edges, en, hp)
+        _touch(mesh, e // 3)
+        _touch(mesh, h // 3)
+        stack[size], stack[size + 1] = e, h
+        size += 2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _insert_on_edge(mesh: Any, e: Any, x: Any, y: Any) -> Any:
+    """Split edge a-b, and the one or two triangles beside it."""
+    points, edges, stack = mesh.points, mesh.edges, mesh.stack
+    p = _new_vertex(mesh, x, y)
+    h, t = edges[e, 1], e // 3
+    en = _next(e)
+    ep = _next(en)
+    a, b, c = edges[e, 0], edges[en, 0], edges[ep, 0]
+    beside_bc, beside_ca = edges[en, 1], edges[ep, 1]
+    right = _new_triangle(mesh)
+    _triangle(mesh, t, c, a, p)
+    _triangle(mesh, right, b, c, p)
+    _link(points, edges, 3 * t, beside_ca)
+    _link(points, edges, 3 * right, beside_bc)
+    _link(points, edges, 3 * t + 2, 3 * right + 1)
+    stack[0], stack[1] = 3 * t, 3 * right
+    if h < 0:
+        _link(points, edges, 3 * t + 1, -1)
+        _link(points, edges, 3 * right + 2, -1)
+        _flip_until_delaunay(mesh, 2)
+        return p
+    hn, u = _next(h), h // 3
+    hp = _next(hn)
+    d, beside_ad, beside_db = edges[hp, 0], edges[hn, 1], edges[hp, 1]
+    other = _new_triangle(mesh)
+    _triangle(mesh, u, a, d, p)
+    _triangle(mesh, other, d, b, p)
+    _link(points, edges, 3 * u, beside_ad)
+    _link(points, edges, 3 * other, beside_db)
+    _link(points, edges, 3 * u + 1, 3 * other + 2)
+    _link(points, edges, 3 * t + 1, 3 * u + 2)
+    _link(points, edges, 3 * right + 2, 3 * other + 1)
+    stack[2], stack[3] = 3 * u, 3 * other
+    _flip_until_delaunay(mesh, 4)
+    return p
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def insert(mesh: Any, t: Any, x: Any, y: Any) -> Any:
+    """Make (x, y), a post in triangle ``t`` or on one of its edges, a vertex; its number."""
+    points, edges, stack = mesh.points, mesh.edges, mesh.stack
+    a, b, c = edges[3 * t, 0], edges[3 * t + 1, 0], edges[3 * t + 2, 0]
+    if orient(points, a, b, x, y) == 0:
+        return _insert_on_edge(mesh, 3 * t, x, y)
+    if orient(points, b, c, x, y) == 0:
+        return _insert_on_edge(mesh, 3 * t + 1, x, y)
+    if orient(points, c, a, x, y) == 0:
+        return _insert_on_edge(mesh, 3 * t + 2, x, y)
+    p = _new_vertex(mesh, x, y)
+    beside_bc, beside_ca = edges[3 * t + 1, 1], edges[3 * t + 2, 1]
+    u, v = _new_triangle(mesh), _new_triangle(mesh)
+    _triangle(mesh, t, a, b, p)
+    _triangle(mesh, u, b, c, p)
+    _triangle(mesh, v, c, a, p)
+    _link(points, edges, 3 * u, beside_bc)
+    _link(points, edges, 3 * v, beside_ca)
+    _link(points, edges, 3 * t + 1, 3 * u + 2)
+    _link(points, edges, 3 * u + 1, 3 * v + 2)
+    _link(points, edges, 3 * v + 1, 3 * t + 2)
+    stack[0], stack[1], stack[2] = 3 * t, 3 * u, 3 * v
+    _flip_until_delaunay(mesh, 3)
+    return p
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def insert_on_border(mesh: Any, a: Any, x: Any, y: Any) -> Any:
+    """Make (x, y), a post on the border edge that leaves vertex ``a``, a vertex; its number."""
+    return _insert_on_edge(mesh, mesh.points[a, 2], x, y)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def locate(mesh: Any, t: Any, x: Any, y: Any) -> Any:
+    """A triangle that (x, y) lies in, or on the edge of; walks there from triangle ``t``."""
+    points, edges = mesh.points, mesh.edges
+    while True:
+        e = 3 * t
+        while e < 3 * t + 3 and orient(points, edges[e, 0], edges[_next(e), 0], x, y) >= 0:
+            e += 1
+        if e == 3 * t + 3:
+            return t
+        t = edges[e, 1] // 3
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def start(mesh: Any, columns: Any, rows: Any) -> None:
+    """Two triangles over the rectangle from (0, 0) to the last column and row."""
+    x, y = columns - 1, rows - 1
+    mesh.counts[:] = 0
+    a, b = _new_vertex(mesh, 0, 0), _new_vertex(mesh, x, 0)
+    c, d = _new_vertex(mesh, x, y), _new_vertex(mesh, 0, y)
+    first, second = _new_triangle(mesh), _new_triangle(mesh)
+    _triangle(mesh, first, a, b, c)
+    _triangle(mesh, second, a, c, d)
+    _link(mesh.points, mesh.edges, 3 * first + 2, 3 * second)
+    for e in (3 * first, 3 * first + 1, 3 * second + 1, 3 * second + 2):
+        _link(mesh.points, mesh.edges, e, -1)
