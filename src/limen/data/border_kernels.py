@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from limen.data.delaunay_kernels import insert_on_border
 
-__all__ = ["Border", "begin_border", "insert_chosen", "split_side", "thickest"]
+__all__ = ["Border", "begin_border", "insert_beside", "insert_chosen", "split_side", "thickest"]
 
 _CHOSEN = -2
 
@@ -118,6 +118,22 @@ def insert_chosen(mesh: Any, border: Any, side: Any) -> None:
             vertex[k] = insert_on_border(mesh, previous, k if along else x, y if along else k)
         if vertex[k] >= 0:
             previous = vertex[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def insert_beside(mesh: Any, border: Any, side: Any, k: Any) -> None:
+    """Make post ``k`` of a side a vertex, because triangles beside it need it."""
+    vertex = border.vertex[side]
+    i, j = k - 1, k + 1
+    while vertex[i] == -1:
+        i -= 1
+    while vertex[j] == -1:
+        j += 1
+    kept = np.empty(j - i + 1, dtype=np.int64)
+    _measure(border, side, i, k, kept)
+    _measure(border, side, k, j, kept)
+    vertex[k] = _CHOSEN
+    insert_chosen(mesh, border, side)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

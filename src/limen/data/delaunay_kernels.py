@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["STALE", "TRIANGLES", "VERTICES", "Mesh", "insert", "insert_on_border", "locate", "orient", "start"]
+__all__ = ["STALE", "TRIANGLES", "VERTICES", "Mesh", "insert", "insert_on_border", "locate", "start", "touch"]
 
 VERTICES, TRIANGLES, STALE = 0, 1, 2
 """Places in ``counts``."""
@@ -28,14 +28,15 @@ class Mesh(NamedTuple):
     points: NDArray[np.int32]  # (V, 3)
     edges: NDArray[np.int32]  # (3 T, 2)
     worst: NDArray[np.float64]  # (T,): largest residual in metres
-    post: NDArray[np.int32]  # (T, 2): column and row where it is; -1 where there is none
+    post: NDArray[np.int32]  # (T, 2): column and row of the post to insert against it
     stale: NDArray[np.int32]  # (T,)
     stack: NDArray[np.int32]  # (T + 4,): edges that may have to be flipped
+    taken: NDArray[np.bool_]  # (rows, columns): posts that are vertices
     counts: NDArray[np.int64]  # (3,)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def orient(points: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
+def _orient(points: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
     """Twice the area of a, b and (x, y): positive to the left of a-b, where rows go up."""
     ax, ay = np.int64(points[a, 0]), np.int64(points[a, 1])
     return (points[b, 0] - ax) * (y - ay) - (points[b, 1] - ay) * (x - ax)
@@ -43,13 +44,19 @@ def orient(points: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _in_circle(points: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
-    """Whether d lies strictly inside the circle through a, b, c (Guibas, Stolfi 1985, InCircle)."""
+    """Positive where d lies inside the circle through a, b, c, 0 on it (Guibas, Stolfi 1985, InCircle)."""
     dx, dy = np.int64(points[d, 0]), np.int64(points[d, 1])
     ax, ay = points[a, 0] - dx, points[a, 1] - dy
     bx, by = points[b, 0] - dx, points[b, 1] - dy
     cx, cy = points[c, 0] - dx, points[c, 1] - dy
     ab, bc, ca = ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax
-    return (ax * ax + ay * ay) * bc + (bx * bx + by * by) * ca + (cx * cx + cy * cy) * ab > 0
+    return (ax * ax + ay * ay) * bc + (bx * bx + by * by) * ca + (cx * cx + cy * cy) * ab
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _diagonal(points: Any, a: Any, b: Any) -> Any:
+    """1 if a-b is the diagonal of four posts that the surface of all posts has (see `exact_patch`), -1 if the other."""
+    return (points[a, 0] - points[b, 0]) * (points[a, 1] - points[b, 1])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -67,7 +74,8 @@ def _link(points: Any, edges: Any, e: Any, other: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _touch(mesh: Any, t: Any) -> None:
+def touch(mesh: Any, t: Any) -> None:
+    """Have the posts of triangle ``t`` looked at again."""
     if mesh.worst[t] >= 0.0:
         mesh.worst[t] = -1.0
         mesh.stale[mesh.counts[2]] = t
@@ -77,7 +85,7 @@ def _touch(mesh: Any, t: Any) -> None:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _triangle(mesh: Any, t: Any, a: Any, b: Any, c: Any) -> None:
     mesh.edges[3 * t, 0], mesh.edges[3 * t + 1, 0], mesh.edges[3 * t + 2, 0] = a, b, c
-    _touch(mesh, t)
+    touch(mesh, t)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -93,6 +101,7 @@ def _new_vertex(mesh: Any, x: Any, y: Any) -> Any:
     p = mesh.counts[0]
     mesh.counts[0] += 1
     mesh.points[p, 0], mesh.points[p, 1], mesh.points[p, 2] = x, y, -1
+    mesh.taken[y, x] = True
     return p
 
 
@@ -109,7 +118,8 @@ def _flip_until_delaunay(mesh: Any, size: Any) -> None:
         en, hn = _next(e), _next(h)
         ep, hp = _next(en), _next(hn)
         a, b, p, q = edges[e, 0], edges[en, 0], edges[ep, 0], edges[hp, 0]
-        if not _in_circle(points, p, a, b, q):
+        inside = _in_circle(points, p, a, b, q)
+        if inside < 0 or (inside == 0 and not (_diagonal(points, a, b) == -1 and _diagonal(points, p, q) == 1)):
             continue
         beside_aq, beside_qb, beside_bp = edges[hn, 1], edges[hp, 1], edges[en, 1]
         edges[en, 0], edges[h, 0], edges[hn, 0], edges[hp, 0] = q, q, b, p
@@ -117,8 +127,8 @@ def _flip_until_delaunay(mesh: Any, size: Any) -> None:
         _link(points, edges, h, beside_qb)
         _link(points, edges, hn, beside_bp)
         _link(points, edges, en, hp)
-        _touch(mesh, e // 3)
-        _touch(mesh, h // 3)
+        touch(mesh, e // 3)
+        touch(mesh, h // 3)
         stack[size], stack[size + 1] = e, h
         size += 2
 
@@ -166,11 +176,11 @@ def insert(mesh: Any, t: Any, x: Any, y: Any) -> Any:
     """Make (x, y), a post in triangle ``t`` or on one of its edges, a vertex; its number."""
     points, edges, stack = mesh.points, mesh.edges, mesh.stack
     a, b, c = edges[3 * t, 0], edges[3 * t + 1, 0], edges[3 * t + 2, 0]
-    if orient(points, a, b, x, y) == 0:
+    if _orient(points, a, b, x, y) == 0:
         return _insert_on_edge(mesh, 3 * t, x, y)
-    if orient(points, b, c, x, y) == 0:
+    if _orient(points, b, c, x, y) == 0:
         return _insert_on_edge(mesh, 3 * t + 1, x, y)
-    if orient(points, c, a, x, y) == 0:
+    if _orient(points, c, a, x, y) == 0:
         return _insert_on_edge(mesh, 3 * t + 2, x, y)
     p = _new_vertex(mesh, x, y)
     beside_bc, beside_ca = edges[3 * t + 1, 1], edges[3 * t + 2, 1]
@@ -200,7 +210,7 @@ def locate(mesh: Any, t: Any, x: Any, y: Any) -> Any:
     points, edges = mesh.points, mesh.edges
     while True:
         e = 3 * t
-        while e < 3 * t + 3 and orient(points, edges[e, 0], edges[_next(e), 0], x, y) >= 0:
+        while e < 3 * t + 3 and _orient(points, edges[e, 0], edges[_next(e), 0], x, y) >= 0:
             e += 1
         if e == 3 * t + 3:
             return t

@@ -64,7 +64,7 @@ def checked_errors(errors_m: Sequence[float]) -> list[float]:
     return errors
 
 
-def _new_mesh(triangles: int, vertices: int) -> Mesh:
+def _new_mesh(triangles: int, vertices: int, taken: NDArray[np.bool_]) -> Mesh:
     return Mesh(
         np.empty((vertices, 3), np.int32),
         np.empty((3 * triangles, 2), np.int32),
@@ -72,13 +72,14 @@ def _new_mesh(triangles: int, vertices: int) -> Mesh:
         np.empty((triangles, 2), np.int32),
         np.empty(triangles, np.int32),
         np.empty(triangles + 4, np.int32),
+        taken,
         np.zeros(3, np.int64),
     )
 
 
 def _grown(mesh: Mesh, triangles: int, vertices: int) -> Mesh:
     """The same with more room; what is unused may be anything."""
-    bigger = _new_mesh(triangles, vertices)
+    bigger = _new_mesh(triangles, vertices, mesh.taken)
     for name in Mesh._fields:
         old: NDArray[np.generic] = getattr(mesh, name)
         getattr(bigger, name)[: len(old)] = old
@@ -113,7 +114,8 @@ class _Run:
         self.border = _new_border(heights_m)
         rows, columns = heights_m.shape
         self.limits = 2 * (rows - 1) * (columns - 1), rows * columns
-        self.mesh = _new_mesh(*(min(_FIRST_ROOM, limit) + 4 for limit in self.limits))
+        triangles, vertices = (min(_FIRST_ROOM, limit) + 4 for limit in self.limits)
+        self.mesh = _new_mesh(triangles, vertices, np.zeros(heights_m.shape, np.bool_))
         delaunay_kernels.start(self.mesh, columns, rows)
 
     def _make_room(self, vertices: int) -> None:
