@@ -51,10 +51,10 @@ def draw(device: Any, live: Any, number: int, size_px: tuple[int, int], time_s: 
 
 def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
     from limen.live_outputs import LiveOutputs
-    from limen.live_scene import SceneSettings
     from limen.scene import SceneRenderer
+    from limen.stage import MeshExhibit, SceneSettings
 
-    live = LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings())
+    live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), MAPPED, VIEWER)
     windows = [draw(device, live, number, quilt.size_px) for number, quilt in enumerate(MAPPED.quilts)]
     live.close()
     with SceneRenderer(device, MAPPED, mesh) as renderer:
@@ -67,9 +67,9 @@ def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
 
 def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
     from limen.live_outputs import LiveOutputs
-    from limen.live_scene import SceneSettings
+    from limen.stage import MeshExhibit, SceneSettings
 
-    live = LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings(animate="turn"))
+    live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings(animate="turn")), MAPPED, VIEWER)
     first, second = (quilt.size_px for quilt in MAPPED.quilts)
     still = draw(device, live, 1, second)
     draw(device, live, 0, first, time_s=2.0)
@@ -88,9 +88,9 @@ def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
 
 def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
     from limen.live_outputs import LiveOutputs
-    from limen.live_scene import SceneSettings
+    from limen.stage import MeshExhibit, SceneSettings
 
-    live = LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings())
+    live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), MAPPED, VIEWER)
     with pytest.raises(InputError, match="output 'two' has 90 x 120 pixels and its quilt 80 x 120"):
         draw(device, live, 1, (90, 120))
     live.close()
@@ -98,12 +98,12 @@ def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
 
 def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device: Any, mesh: Mesh) -> None:
     from limen.live_outputs import LiveOutputs
-    from limen.live_scene import SceneSettings
+    from limen.stage import MeshExhibit, SceneSettings
 
     with pytest.raises(InputError, match="add \\[\\[quilt\\]\\]"):
-        LiveOutputs(device, mesh, Display("bare", (LEFT,)), VIEWER, SceneSettings())
+        LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), Display("bare", (LEFT,)), VIEWER)
     with pytest.raises(InputError, match="one picture at a time"):
-        LiveOutputs(device, mesh, MAPPED, VIEWER, SceneSettings(stereo="sequential"))
+        LiveOutputs(device, MeshExhibit(mesh, SceneSettings(stereo="sequential")), MAPPED, VIEWER)
 
 
 @pytest.mark.parametrize(

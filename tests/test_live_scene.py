@@ -32,10 +32,11 @@ class Screen:
 
     def __init__(self, device: Any, mesh: Mesh, display: Display | None = None, tour: Any = STANDER, **fields: Any):
         from limen.gpu.buffers import TextureReader
-        from limen.live_scene import LiveScene, SceneSettings
+        from limen.live_scene import LiveScene
+        from limen.stage import MeshExhibit, SceneSettings
 
         self.device = device
-        self.live = LiveScene(device, mesh, display, tour, SceneSettings(**fields))
+        self.live = LiveScene(device, MeshExhibit(mesh, SceneSettings(**fields)), display, tour)
         self._reader = TextureReader(device)
         self.title = ""
 

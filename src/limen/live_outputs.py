@@ -1,4 +1,4 @@
-"""A mesh on the real panels of this machine: a window for every quilt, on the screen that the quilt is named after."""
+"""A scene on the real panels of this machine: a window for every quilt, on the screen that the quilt is named after."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from limen.data.mesh import Mesh
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.gpu.device import Device, open_device
 from limen.live import Tour
-from limen.live_scene import SceneSettings, check_one_picture, posed
 from limen.present.window import Surface, open_canvas, run_together, screen_names
-from limen.scene import SceneRenderer, SceneReport
+from limen.stage import Exhibit, Shown
 from limen.viewer import Viewer
 
 __all__ = ["LiveOutputs", "run_live_outputs"]
@@ -28,27 +26,22 @@ class LiveOutputs:
     Raises
     ------
     InputError
-        If the display says nothing of quilts, or for a stereo that makes two pictures of one.
+        If the display says nothing of quilts.
     """
 
     def __init__(
-        self, device: Device, mesh: Mesh, display: Display, tour: Tour | Viewer, settings: SceneSettings
+        self, device: Device, exhibit: Exhibit, display: Display, tour: Tour | Viewer, *, overlay: bool = False
     ) -> None:
         if not display.quilts:
             raise InputError(
                 f"display '{display.name}' does not say which panels lie where on which output: add [[quilt]] to its "
                 "file, or save a packing with `limen display NAME --quilt --to-toml FILE`"
             )
-        check_one_picture(settings.stereo)
-        self._mesh, self._tour, self._settings = mesh, tour, settings
-        self._renderer = SceneRenderer(
-            device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=settings.stereo,
-            background=settings.background,
-        )  # fmt: skip
-        self._overlay = settings.overlay
+        self._tour, self._overlay = tour, overlay
+        self._stage = exhibit.on(device, display)
         self._clock_s, self._last_s, self._paused = 0.0, 0.0, False
         self.closed = False
-        self.last: list[SceneReport | None] = [None] * len(display.quilts)
+        self.last: list[Shown | None] = [None] * len(display.quilts)
 
     def draw(self, number: int, surface: Surface) -> str:
         """Draw one quilt; returns its window's title.
@@ -58,7 +51,7 @@ class LiveOutputs:
         InputError
             If the window has not exactly the quilt's pixels: nothing would be where it ought to.
         """
-        quilt = self._renderer.quilts[number]
+        quilt = self._stage.quilts[number]
         if surface.size_px != quilt.size_px:
             raise InputError(
                 f"output '{quilt.output or number}' has {surface.size_px[0]} x {surface.size_px[1]} pixels and its "
@@ -67,11 +60,10 @@ class LiveOutputs:
         if number == 0:  # one clock for all: what several screens show belongs together
             self._clock_s += 0.0 if self._paused else surface.time_s - self._last_s
             self._last_s = surface.time_s
-            posed(self._renderer, self._mesh, self._settings, self._clock_s)
-        viewer = self._tour if isinstance(self._tour, Viewer) else self._tour(self._clock_s)[0]
-        viewer = replace(viewer, time_s=self._clock_s)
-        report = self._renderer.frame(
-            viewer, quilt=quilt, overlay="panels" if self._overlay else None,
+            self._stage.pose(self._clock_s)
+        viewers = [self._tour] if isinstance(self._tour, Viewer) else self._tour(self._clock_s)
+        report = self._stage.frame(
+            [replace(viewer, time_s=self._clock_s) for viewer in viewers], quilt=quilt, overlay=self._overlay,
             target=surface.target, target_format=surface.target_format,
         )  # fmt: skip
         self.last[number] = report
@@ -89,19 +81,20 @@ class LiveOutputs:
                 self.closed = True
 
     def close(self) -> None:
-        self._renderer.close()
+        self._stage.close()
 
 
 def run_live_outputs(
-    mesh: Mesh, display: Display, tour: Tour | Viewer, settings: SceneSettings, say: Callable[[str], None]
-) -> SceneReport | None:
-    """Show every quilt of a display on its screen until a window is closed; returns the last frame's report.
+    exhibit: Exhibit, display: Display, tour: Tour | Viewer, say: Callable[[str], None], *,
+    overlay: bool = False, seconds: float | None = None,
+) -> list[Shown]:  # fmt: skip
+    """Show every quilt of a display on its screen until a window is closed; returns the quilts' last reports.
 
     A quilt whose ``output`` is a screen's name, or its number from 1, fills that screen; others get a window of their
     size. ``say`` is told which is where.
     """
     with open_device() as device:
-        live = LiveOutputs(device, mesh, display, tour, settings)
+        live = LiveOutputs(device, exhibit, display, tour, overlay=overlay)
         canvases = []
         for number, quilt in enumerate(display.quilts):
             screen = _screen_of(quilt.output, screen_names())
@@ -110,9 +103,8 @@ def run_live_outputs(
             say(f"{quilt.output or f'quilt {number}'}: {quilt.size_px[0]} x {quilt.size_px[1]} pixels in {place}")
         say(f"keys: {_HELP}")
         draws = [partial(live.draw, number) for number in range(len(canvases))]
-        run_together(canvases, draws, live, seconds=settings.seconds)
-        drawn = [report for report in live.last if report is not None]
-        return SceneReport.of(drawn) if drawn else None
+        run_together(canvases, draws, live, seconds=seconds)
+        return [report for report in live.last if report is not None]
 
 
 def _screen_of(output: str, names: list[str]) -> int | None:

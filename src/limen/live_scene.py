@@ -1,35 +1,29 @@
-"""A live window onto a mesh: behind the window itself, or on a simulated display that somebody walks around."""
+"""A live window onto a scene: behind the window itself, or on a simulated display that somebody walks around."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from limen.camera import Camera
-from limen.data.mesh import Mesh
-from limen.data.mesh_sample import ripple
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.draw.lit import LitDisplay
-from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
 from limen.gpu.device import Device, open_device
 from limen.live import Tour
-from limen.placement import arrangement_of, mesh_in_room, mesh_stand
+from limen.placement import arrangement_of
 from limen.present.window import Surface, open_canvas, run_together
-from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
+from limen.stage import Exhibit, Shown, Stage, Turn
 from limen.viewer import Viewer
 
-__all__ = ["Animation", "SceneSettings", "check_one_picture", "eye_camera", "posed", "run_live_scene"]
-
-Animation: TypeAlias = Literal["none", "ripple", "turn"]
+__all__ = ["LiveScene", "eye_camera", "run_live_scene"]
 
 _SIZE = (1280, 800)
-_TURN_DEG_PER_S = 20.0
 _DRAG_DEG_PER_PX = 0.3
 _STEEPEST_DEG = 85.0
 _NEAREST, _FARTHEST = 0.2, 5.0
@@ -41,52 +35,6 @@ _LIT_PX = 1 << 23
 _AROUND_DEG = 65.0
 """From this angle between the panels' corners and their middle on, an eye is among them."""
 _WIDEST_DEG = 90.0
-
-
-@dataclass(frozen=True, slots=True)
-class SceneSettings:
-    """What the window shows at first, and where the mesh stands."""
-
-    stereo: Stereo = "none"
-    animate: Animation = "none"
-    overlay: bool = False
-    seconds: float | None = None
-    size_m: float | None = None
-    at_m: tuple[float, float, float] | None = None
-    up: Literal["y", "z"] = "y"
-    turn_deg: float = 0.0
-    background: tuple[float, float, float] = BACKGROUND
-
-    def room_from_mesh(self, mesh: Mesh, display: Display, time_s: float = 0.0) -> Floats:
-        """Where the mesh stands at a time, shape (4, 4)."""
-        turned = self.turn_deg + (_TURN_DEG_PER_S * time_s if self.animate == "turn" else 0.0)
-        return mesh_in_room(mesh.bounds, display, size_m=self.size_m, at_m=self.at_m, up=self.up, turn_deg=turned)
-
-    def standing_in(self, display: Display) -> SceneSettings:
-        """The same with size and place as a whole display suggests them: parts of it then show parts of one scene."""
-        at_m, size_m = mesh_stand(display, self.size_m)
-        return replace(self, at_m=self.at_m or at_m, size_m=size_m)
-
-
-def check_one_picture(stereo: Stereo) -> None:
-    """Raises
-    ------
-    InputError
-        For two eyes that are not mixed into one picture.
-    """
-    if stereo not in ("none", "anaglyph"):
-        raise InputError(
-            f"a window shows one picture at a time, not '{stereo}': give --stereo none or anaglyph, or --out FOLDER to "
-            "write both"
-        )
-
-
-def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: float) -> None:
-    """Put the mesh in the pose that its animation has at a time."""
-    if settings.animate == "ripple":
-        renderer.move(ripple(mesh, time_s))
-    elif settings.animate == "turn":
-        renderer.room_from_mesh = settings.room_from_mesh(mesh, renderer.display, time_s)
 
 
 def eye_camera(
@@ -128,39 +76,37 @@ class LiveScene:
     """The state of a window, changed by events and drawn frame by frame."""
 
     def __init__(
-        self, device: Device, mesh: Mesh, display: Display | None, tour: Tour | Viewer, settings: SceneSettings
+        self, device: Device, exhibit: Exhibit, display: Display | None, tour: Tour | Viewer, *, overlay: bool = False
     ) -> None:
-        self._device, self._mesh, self._tour, self._settings = device, mesh, tour, settings
-        check_one_picture(settings.stereo)
+        self._device, self._exhibit, self._tour = device, exhibit, tour
         self._simulated = None if display is None else _as_fine_as_seen(display)
         self._in_a_room = display is not None and arrangement_of(display) == "room"
-        self._overlay = settings.overlay
+        self._overlay = overlay
         self._yaw_deg = self._pitch_deg = 0.0
         self._nearer = 1.0
-        self._renderer: SceneRenderer | None = None
+        self._stage: Stage | None = None
         self._lit: LitDisplay | None = None
         self._size_px = (0, 0)
         self._dragging_from: tuple[float, float] | None = None
         self._clock_s, self._last_s, self._paused = 0.0, 0.0, False
         self.closed = False
-        self.last: SceneReport | None = None
+        self.last: Shown | None = None
 
     def draw(self, surface: Surface) -> str:
         """Draw one frame; returns the window's title."""
         if surface.size_px != self._size_px:
             self._resize(surface.size_px)
-        assert self._renderer is not None
+        assert self._stage is not None
         if not self._paused:
             self._clock_s += surface.time_s - self._last_s
         self._last_s = surface.time_s
-        posed(self._renderer, self._mesh, self._settings, self._clock_s)
         if self._simulated is None:
-            self._draw_window(surface)
+            self._draw_window(self._stage, surface)
         else:
-            self._draw_display(surface)
+            self._draw_display(self._stage, self._simulated, surface)
         assert self.last is not None
-        name = self._mesh.path.name if self._mesh.path else "mesh"
-        return f"{name}   {self.last.panels_active} panels, {self.last.triangles:,} triangles   {_HELP}"
+        counts = f"{self.last.panels_active} panels, {self.last.triangles:,} triangles"
+        return f"{self._exhibit.name}   {counts}   {_HELP}"
 
     def handle(self, event: dict[str, Any]) -> None:
         match event["event_type"]:
@@ -181,10 +127,11 @@ class LiveScene:
                 )
 
     def close(self) -> None:
-        for part in (self._renderer, self._lit):
-            if part is not None:
-                part.close() if isinstance(part, SceneRenderer) else part.destroy()
-        self._renderer = self._lit = None
+        if self._stage is not None:
+            self._stage.close()
+        if self._lit is not None:
+            self._lit.destroy()
+        self._stage = self._lit = None
 
     def _key(self, key: str) -> None:
         match key:
@@ -200,50 +147,45 @@ class LiveScene:
 
     def _resize(self, size_px: tuple[int, int]) -> None:
         self._size_px = size_px
-        if self._simulated is not None and self._renderer is not None:
+        if self._simulated is not None and self._stage is not None:
             return
         self.close()
         display = self._simulated or Display.window(size_px)
-        self._renderer = SceneRenderer(
-            self._device, display, self._mesh, room_from_mesh=self._settings.room_from_mesh(self._mesh, display),
-            stereo=self._settings.stereo, background=self._settings.background,
-        )  # fmt: skip
+        self._stage = self._exhibit.on(self._device, display)
         if self._simulated is not None:
-            self._lit = LitDisplay(self._device, display, self._renderer.quilts, guard_px=self._renderer.guard_px)
+            self._lit = LitDisplay(self._device, display, self._stage.quilts, guard_px=self._stage.guard_px)
 
-    def _draw_window(self, surface: Surface) -> None:
-        """The window is the display: the mesh, turned by dragging, stands behind it."""
-        assert self._renderer is not None
-        stood = self._settings.room_from_mesh(self._mesh, self._renderer.display, self._clock_s)
-        self._renderer.room_from_mesh = _about_middle(stood, self._mesh, self._turned(), 1 / self._nearer)
-        quilt = Quilt(surface.size_px, (0,), ((0, 0),))
+    def _draw_window(self, stage: Stage, surface: Surface) -> None:
+        """The window is the display: what is behind it is turned by dragging."""
+        stage.pose(self._clock_s, Turn(self._yaw_deg, self._pitch_deg, self._nearer))
         viewer = Viewer((0.0, 0.0, 0.0), time_s=self._clock_s)
-        self.last = self._renderer.frame(
-            viewer, quilt=quilt, overlay="panels" if self._overlay else None,
+        self.last = stage.frame(
+            [viewer], quilt=Quilt(surface.size_px, (0,), ((0, 0),)), overlay=self._overlay,
             target=surface.target, target_format=surface.target_format,
         )  # fmt: skip
 
-    def _draw_display(self, surface: Surface) -> None:
+    def _draw_display(self, stage: Stage, display: Display, surface: Surface) -> None:
         """A simulated display, seen by the viewer that it is lit for; dragging leads the viewer around it."""
-        assert self._renderer is not None
         assert self._lit is not None
-        assert self._simulated is not None
-        display, viewer = self._simulated, self._viewer()
-        textures, self.last = self._renderer.lit_for(viewer, overlay="panels" if self._overlay else None)
+        stage.pose(self._clock_s)
+        viewers = self._viewers()
+        textures, self.last = stage.lit_for(viewers, overlay=self._overlay)
+        viewer = viewers[0]
         camera = eye_camera(display, np.array(viewer.position_m), surface.size_px, viewer.direction)
         if isinstance(self._tour, Viewer) and self._nearer != 1:  # or whoever comes nearer would be shown less
-            fitted = eye_camera(display, np.array(self._viewer(1.0).position_m), surface.size_px, viewer.direction)
+            fitted = eye_camera(display, np.array(self._led(self._tour).position_m), surface.size_px, viewer.direction)
             camera = replace(camera, fov_deg=fitted.fov_deg)
         samples = 1 if self._device.is_software else 2
         self._lit.draw(textures, camera, samples=samples, target=surface.target, target_format=surface.target_format)
 
-    def _viewer(self, nearer: float | None = None) -> Viewer:
-        """Who the display is lit for: a tour's first, or whom dragging leads around it or turns in a room."""
-        if not isinstance(self._tour, Viewer):
-            return self._tour(self._clock_s)[0]
+    def _viewers(self) -> Sequence[Viewer]:
+        """Who looks: those of a tour, or whom dragging leads around the display or turns in a room."""
+        return [self._led(self._tour, self._nearer)] if isinstance(self._tour, Viewer) else self._tour(self._clock_s)
+
+    def _led(self, person: Viewer, nearer: float = 1.0) -> Viewer:
+        """Where dragging has led somebody."""
         assert self._simulated is not None
-        nearer = self._nearer if nearer is None else nearer
-        standing, place = replace(self._tour, time_s=self._clock_s), np.array(self._tour.position_m)
+        standing, place = replace(person, time_s=self._clock_s), np.array(person.position_m)
         low, high = self._simulated.bounds_m
         if self._in_a_room:
             look = self._orbited(np.array(standing.direction), -1.0)
@@ -273,31 +215,15 @@ class LiveScene:
         turned = [math.sin(bearing) * math.cos(rise), math.sin(rise), math.cos(bearing) * math.cos(rise)]
         return np.array(turned) * math.hypot(level, y)
 
-    def _turned(self) -> Floats:
-        """The rotation that dragging has made, shape (3, 3)."""
-        yaw, pitch = math.radians(self._yaw_deg), math.radians(self._pitch_deg)
-        about_y = np.array([[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]])
-        about_x = np.array([[1, 0, 0], [0, math.cos(pitch), -math.sin(pitch)], [0, math.sin(pitch), math.cos(pitch)]])
-        return np.asarray(about_x @ about_y)
-
 
 def _as_fine_as_seen(display: Display) -> Display:
     return display.scaled(min(1.0, math.sqrt(_LIT_PX / display.total_px)))
 
 
-def _about_middle(room_from_mesh: Floats, mesh: Mesh, turn: Floats, scale: float) -> Floats:
-    """The same place for the mesh's middle, turned and scaled about it."""
-    middle = np.append(mesh.bounds.mean(axis=0), 1.0)
-    stood = room_from_mesh @ middle
-    matrix = np.array(room_from_mesh)
-    matrix[:3, :3] = turn @ matrix[:3, :3] * scale
-    matrix[:3, 3] = stood[:3] - matrix[:3, :3] @ middle[:3]
-    return matrix
-
-
 def run_live_scene(
-    mesh: Mesh, display: Display | None, tour: Tour | Viewer, settings: SceneSettings, say: Callable[[str], None]
-) -> SceneReport | None:
+    exhibit: Exhibit, display: Display | None, tour: Tour | Viewer, say: Callable[[str], None], *,
+    overlay: bool = False, seconds: float | None = None,
+) -> Shown | None:  # fmt: skip
     """Open a window and draw until it is closed; returns the last frame's report.
 
     Parameters
@@ -308,10 +234,12 @@ def run_live_scene(
         Who looks at what time; or where the viewer stands at first, whom dragging leads around.
     say
         Told once what the keys do.
+    seconds
+        Close the window after this long.
     """
     with open_device() as device:
-        live = LiveScene(device, mesh, display, tour, settings)
-        canvas = open_canvas(device.wgpu, _SIZE, mesh.path.name if mesh.path else "mesh")
+        live = LiveScene(device, exhibit, display, tour, overlay=overlay)
+        canvas = open_canvas(device.wgpu, _SIZE, exhibit.name)
         say(f"keys: {_HELP}; drag to turn, wheel to come nearer")
-        run_together([canvas], [live.draw], live, seconds=settings.seconds)
+        run_together([canvas], [live.draw], live, seconds=seconds)
         return live.last

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -31,6 +31,8 @@ from limen.live import LiveSettings, Tour, run_live
 from limen.live_outputs import run_live_outputs
 from limen.live_scene import run_live_scene
 from limen.placement import Fit, OnSurface
+from limen.scene import SceneReport
+from limen.stage import Exhibit, MeshExhibit
 from limen.tolerance import Policy
 from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
@@ -151,25 +153,33 @@ class _Asked:
 
 
 def _show_mesh(content: Mesh, asked: _Asked, options: MeshOptions, folder: Path | None, out: Output) -> None:
-    settings, shown = options.settings(asked.whole, asked.overlay, asked.seconds), asked.shown
+    settings, shown = options.settings(asked.whole), asked.shown
     if folder is None or shown is None:
-        tour = asked.tour() if asked.session and shown else asked.stander()
-        _say_who([tour] if isinstance(tour, Viewer) else tour(0.0), out)
-        if options.window == "outputs" and shown is None:
-            raise InputError("--window outputs needs --display, with the quilts that go to this machine's screens")
-        if options.window == "outputs" and shown is not None:
-            last = run_live_outputs(content, shown, tour, settings, out.say)
-        else:
-            last = run_live_scene(content, shown, tour, settings, out.say)
-        out.result({"frames": [mesh_row(last, [])] if last else []})
+        last = _show_live(MeshExhibit(content, settings), asked, options.window, out)
+        out.result({"frames": [mesh_row(SceneReport.of(last), [])] if last else []})
         return
     moments = asked.moments()
     _say_who(moments[0], out)
-    drawn = write_mesh_frames(out, content, shown.scaled(asked.scale), moments, options, settings, folder,
-                              asked.suffix, simulate=asked.simulate)  # fmt: skip
+    drawn = write_mesh_frames(
+        out, content, shown.scaled(asked.scale), moments, options, settings, folder, asked.suffix,
+        overlay="panels" if asked.overlay else None, simulate=asked.simulate,
+    )  # fmt: skip
     rows = [mesh_row(report, files) for report, files in drawn]
     print_mesh_rows(out, rows, folder)
     out.result({"frames": rows})
+
+
+def _show_live(exhibit: Exhibit, asked: _Asked, window: Literal["eye", "outputs"], out: Output) -> list[Any]:
+    """Show it in windows until they are closed; the last report of each."""
+    shown = asked.shown
+    tour = asked.tour() if asked.session and shown else asked.stander()
+    _say_who([tour] if isinstance(tour, Viewer) else tour(0.0), out)
+    if window == "eye":
+        last = run_live_scene(exhibit, shown, tour, out.say, overlay=asked.overlay, seconds=asked.seconds)
+        return [last] if last else []
+    if shown is None:
+        raise InputError("--window outputs needs --display, with the quilts that go to this machine's screens")
+    return run_live_outputs(exhibit, shown, tour, out.say, overlay=asked.overlay, seconds=asked.seconds)
 
 
 def _say_who(viewers: Sequence[Viewer], out: Output) -> None:

@@ -1,4 +1,4 @@
-"""``limen show`` for meshes: through the panels as through windows, to files."""
+"""``limen show`` for meshes: through the panels as through windows, to files; and from where displays are looked at."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
-from numpy.typing import NDArray
 
 from limen.camera import Camera
 from limen.cli.arguments import place
@@ -24,13 +23,22 @@ from limen.draw.scene import Depth, SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.live_scene import Animation, SceneSettings, eye_camera, posed
+from limen.live_scene import eye_camera
 from limen.placement import arrangement_of, facing_of_wall
 from limen.present.file import write_picture
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
+from limen.stage import Animation, SceneSettings, posed
 from limen.viewer import Viewer
 
-__all__ = ["MESH_DEFAULT", "MeshOptions", "mesh_row", "print_mesh_rows", "write_mesh_frames"]
+__all__ = [
+    "MESH_DEFAULT",
+    "MeshOptions",
+    "lit_display",
+    "mesh_row",
+    "onlookers",
+    "print_mesh_rows",
+    "write_mesh_frames",
+]
 
 _SEEN_PX = (1440, 1080)
 _ASIDE_DEG = 35.0
@@ -80,13 +88,11 @@ class MeshOptions:
         str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")
     ] = ""
 
-    def settings(self, display: Display | None, overlay: bool, seconds: float | None = None) -> SceneSettings:
+    def settings(self, display: Display | None) -> SceneSettings:
         """The options as a scene's settings, for a whole display if there is one."""
         at_m = place(self.at, "--at") if self.at else None
         background = _light_of(self.background) if self.background else BACKGROUND
-        settings = SceneSettings(
-            self.stereo, self.animate, overlay, seconds, self.size_m, at_m, self.up, self.turn_deg, background
-        )
+        settings = SceneSettings(self.stereo, self.animate, self.size_m, at_m, self.up, self.turn_deg, background)
         return settings if display is None else settings.standing_in(display)
 
 
@@ -116,6 +122,7 @@ def write_mesh_frames(
     folder: Path,
     suffix: str,
     *,
+    overlay: SceneOverlay | None,
     simulate: bool,
 ) -> Iterator[tuple[SceneReport, list[str]]]:
     """Write what every panel shows, frame by frame: the frame's report, and the files.
@@ -123,14 +130,12 @@ def write_mesh_frames(
     ``settings`` are those of ``options``, with the mesh standing where the whole display wants it.
     """
     _check_simulation(options, simulate)
-    overlay: SceneOverlay | None = "panels" if settings.overlay else None
     with ExitStack() as stack:
         device = stack.enter_context(open_device())
         renderer = stack.enter_context(_renderer(device, display, mesh, options, settings))
         simulated = renderer
-        if simulate and display.total_px > _LIT_PX:
-            coarse = display.scaled(math.sqrt(_LIT_PX / display.total_px))
-            simulated = stack.enter_context(_renderer(device, coarse, mesh, options, settings))
+        if simulate and lit_display(display) is not display:
+            simulated = stack.enter_context(_renderer(device, lit_display(display), mesh, options, settings))
         step = stack.enter_context(out.progress("drawing", len(moments)))
         for number, viewers in enumerate(moments):
             for each in {renderer, simulated}:
@@ -143,7 +148,9 @@ def write_mesh_frames(
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
-                for name, seen in _simulated(simulated, viewers, options, overlay):
+                cameras = onlookers(simulated.display, viewers[0], options.seen_from)
+                pictures = simulated.seen(viewers[0], list(cameras.values()), overlay=overlay)
+                for name, seen in zip(cameras, pictures, strict=True):
                     files.append(str(write_picture(target / f"{name}.{suffix}", seen)))
             step(1)
             yield SceneReport.of(list(reports.values())), files
@@ -158,23 +165,20 @@ def _renderer(
     )  # fmt: skip
 
 
-def _simulated(
-    renderer: SceneRenderer,
-    viewers: Sequence[Viewer],
-    options: MeshOptions,
-    overlay: SceneOverlay | None,
-) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-    """What the viewer sees of the lit display, and what somebody sees from elsewhere and from afar."""
-    display, viewer = renderer.display, viewers[0]
+def onlookers(display: Display, viewer: Viewer, seen_from: str = "") -> dict[str, Camera]:
+    """Cameras at the viewer's eye, at another place (``seen_from``, or a few steps on), and where all is in sight."""
     eye_m = np.array(viewer.position_m)
-    elsewhere = np.array(place(options.seen_from, "--seen-from")) if options.seen_from else _aside(eye_m, display)
+    elsewhere = np.array(place(seen_from, "--seen-from")) if seen_from else _aside(eye_m, display)
     corners = np.concatenate([panel.outline_m for panel in display.panels])
     is_wall = arrangement_of(display) == "wall"
     onlooker = facing_of_wall(display) + np.array([0.5, 0.3, 0.0]) if is_wall else np.array([0.45, 0.35, 1.0])
-    cameras = [eye_camera(display, each, _SEEN_PX, viewer.direction) for each in (eye_m, elsewhere)]
-    cameras.append(Camera.framing(corners, onlooker, _SEEN_PX))
-    seen = renderer.seen(viewer, cameras, overlay=overlay)
-    yield from zip(("eye", "elsewhere", "afar"), seen, strict=True)
+    eye, beside = (eye_camera(display, each, _SEEN_PX, viewer.direction) for each in (eye_m, elsewhere))
+    return {"eye": eye, "elsewhere": beside, "afar": Camera.framing(corners, onlooker, _SEEN_PX)}
+
+
+def lit_display(display: Display) -> Display:
+    """A display with no more pixels than are seen in a picture of it, and lie in memory together."""
+    return display if display.total_px <= _LIT_PX else display.scaled(math.sqrt(_LIT_PX / display.total_px))
 
 
 def _check_simulation(options: MeshOptions, simulate: bool) -> None:
