@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -61,9 +61,12 @@ class LiveOutputs:
             self._clock_s += 0.0 if self._paused else surface.time_s - self._last_s
             self._last_s = surface.time_s
             self._stage.pose(self._clock_s)
-        viewers = [self._tour] if isinstance(self._tour, Viewer) else self._tour(self._clock_s)
+        if isinstance(self._tour, Viewer):
+            viewers: Sequence[Viewer] = [replace(self._tour, time_s=self._clock_s)]
+        else:
+            viewers = self._tour(self._clock_s)
         report = self._stage.frame(
-            [replace(viewer, time_s=self._clock_s) for viewer in viewers], quilt=quilt, overlay=self._overlay,
+            viewers, quilt=quilt, overlay=self._overlay,
             target=surface.target, target_format=surface.target_format,
         )  # fmt: skip
         self.last[number] = report

@@ -22,7 +22,7 @@ from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.placement import arrangement_of, mesh_in_room, middle_of_wall
 
-__all__ = ["BEHIND", "FLIGHTS", "Flight", "Land", "LookAt", "in_flight", "room_from_posts"]
+__all__ = ["BEHIND", "FLIGHTS", "Flight", "Land", "LookAt", "fitted_range_m", "in_flight", "room_from_posts"]
 
 BEHIND = 3.0
 
@@ -133,24 +133,35 @@ def room_from_posts(land: Land, display: Display, eye_m: Vec3, look: LookAt | No
     """
     look = look or LookAt()
     metric = metric_from_posts(land.spacing_m, look.exaggeration)
-    corners = _corners(land) @ metric[:3, :3].T
     if arrangement_of(display) == "object":
+        corners = _corners(land) @ metric[:3, :3].T
         bounds = np.array([corners.min(axis=0), corners.max(axis=0)])
         return np.asarray(mesh_in_room(bounds, display, turn_deg=look.heading_deg) @ metric)
-    eye, middle = np.array(eye_m), _middle_of(display, eye_m)
-    distance_m = float(np.linalg.norm(middle - eye))
-    if distance_m < 1e-3:
-        raise InputError("the reference eye is in the middle of the display: give --viewer another place")
-    axis = _axis(display, (middle - eye) / distance_m, look.pitch_deg)
+    axis, distance_m = _axis(display, eye_m, look.pitch_deg)
     turned = _room_from_metric(axis, look)
     target = _target_m(land, look)
-    range_m = look.range_m or _range_that_fits(corners, target, turned, axis, display, eye)
+    range_m = look.range_m or fitted_range_m(land, display, eye_m, look)
     rise_m = _rise_m(land, target, turned, axis, range_m, look) if look.range_m else 0.0
-    scale = BEHIND * distance_m / range_m
     matrix = np.eye(4)
-    matrix[:3, :3] = turned * scale
-    matrix[:3, 3] = eye + axis * BEHIND * distance_m - matrix[:3, :3] @ (target + np.array([0.0, rise_m, 0.0]))
+    matrix[:3, :3] = turned * (BEHIND * distance_m / range_m)
+    far = axis * BEHIND * distance_m
+    matrix[:3, 3] = np.array(eye_m) + far - matrix[:3, :3] @ (target + np.array([0.0, rise_m, 0.0]))
     return np.asarray(matrix @ metric)
+
+
+def fitted_range_m(land: Land, display: Display, eye_m: Vec3, look: LookAt) -> float:
+    """The smallest range from which all of a terrain is seen within the display, metres."""
+    corners = _corners(land) @ metric_from_posts(land.spacing_m, look.exaggeration)[:3, :3].T
+    axis, _ = _axis(display, eye_m, look.pitch_deg)
+    above = _above(axis)
+    frame = np.stack([np.cross(axis, above), above, axis])
+    ways = (np.concatenate([panel.outline_m for panel in display.panels]) - eye_m) @ frame.T
+    ahead = ways[ways[:, 2] > 1e-6]
+    edges = ConvexHull(ahead[:, :2] / ahead[:, 2:]).equations  # a x + b y + c <= 0 inside, of slopes
+    box = (corners - _target_m(land, look)) @ _room_from_metric(axis, look).T @ frame.T
+    # The same times depth, range + z: a x + b y + c (range + z) <= 0 at every corner, and c < 0 around the axis.
+    needed = box @ edges.T / np.maximum(-edges[:, 2], _LEAST_SLOPE)
+    return max(float(np.max(needed)), float(np.linalg.norm(np.ptp(corners, axis=0))) * 1e-3)
 
 
 def _extent_m(land: Land) -> Floats:
@@ -169,29 +180,33 @@ def _low_high_m(land: Land) -> tuple[float, float]:
     return float(roots[:, 0].min()), float(roots[:, 1].max())
 
 
-def _middle_of(display: Display, eye_m: Vec3) -> Floats:
-    """Where the reference eye looks: the middle of a wall; in a room, straight ahead (-z) at the panels there."""
-    if arrangement_of(display) == "wall":
-        return middle_of_wall(display)
-    low, _ = display.bounds_m
-    return np.array([eye_m[0], eye_m[1], low[2]])
+def _axis(display: Display, eye_m: Vec3, pitch_deg: float) -> tuple[Floats, float]:
+    """The camera's axis in the room, unit (3,), and how far the display is along it.
 
-
-def _axis(display: Display, ahead: Floats, pitch_deg: float) -> Floats:
-    """The camera's axis in the room, shape (3,): into a wall, whose picture may be tilted; in a room downward by the
-    pitch, so that the ground stays level."""
-    if arrangement_of(display) == "wall":
-        return ahead
-    level = ahead * [1, 0, 1] / max(math.hypot(ahead[0], ahead[2]), 1e-9)
+    To the middle of a wall, whose picture may be tilted; in a room, downward by the pitch from straight ahead (-z), so
+    that the ground stays level.
+    """
+    is_wall = arrangement_of(display) == "wall"
+    middle = middle_of_wall(display) if is_wall else np.array([eye_m[0], eye_m[1], display.bounds_m[0][2]])
+    way = middle - np.array(eye_m)
+    distance_m = float(np.linalg.norm(way))
+    if distance_m < 1e-3:
+        raise InputError("the reference eye is in the middle of the display: give --viewer another place")
     pitch = math.radians(pitch_deg)
-    return np.asarray(math.cos(pitch) * level - np.array([0, math.sin(pitch), 0]))
+    axis = way / distance_m if is_wall else np.array([0.0, -math.sin(pitch), -math.cos(pitch)])
+    return axis, distance_m
+
+
+def _above(axis: Floats) -> Floats:
+    """What is up in the camera's picture: as near to the room's up as can be, unit (3,)."""
+    up = np.array([0.0, 1.0, 0.0]) if abs(axis[1]) < 0.999 else np.array([0.0, 0.0, -1.0])
+    above = up - axis * (up @ axis)
+    return np.asarray(above / np.linalg.norm(above))
 
 
 def _room_from_metric(axis: Floats, look: LookAt) -> Floats:
     """The rotation from metres east, up and south to the room, shape (3, 3)."""
-    up = np.array([0.0, 1.0, 0.0]) if abs(axis[1]) < 0.999 else np.array([0.0, 0.0, -1.0])
-    above = up - axis * (up @ axis)
-    above = above / np.linalg.norm(above)
+    above = _above(axis)
     right = np.cross(axis, above)
     pitch, heading = math.radians(look.pitch_deg), math.radians(look.heading_deg)
     forward = math.cos(pitch) * axis + math.sin(pitch) * above
@@ -236,20 +251,3 @@ def _rise_m(land: Land, target: Floats, turned: Floats, axis: Floats, range_m: f
         return 0.0
     _, high = _around(land, post, range_m)
     return max(0.0, high * look.exaggeration + _CLEARANCE * range_m - float(eye[1]))
-
-
-def _range_that_fits(
-    corners: Floats, target: Floats, turned: Floats, axis: Floats, display: Display, eye: Floats
-) -> float:
-    """The smallest range from which the box is seen within the display, metres."""
-    above = np.array([0.0, 1.0, 0.0]) if abs(axis[1]) < 0.999 else np.array([0.0, 0.0, -1.0])
-    above = above - axis * (above @ axis)
-    frame = np.stack([np.cross(axis, above), above, axis])
-    frame = frame / np.linalg.norm(frame, axis=1, keepdims=True)
-    ways = (np.concatenate([panel.outline_m for panel in display.panels]) - eye) @ frame.T
-    ahead = ways[ways[:, 2] > 1e-6]
-    edges = ConvexHull(ahead[:, :2] / ahead[:, 2:]).equations  # a x + b y + c <= 0 inside, of slopes
-    box = (corners - target) @ turned.T @ frame.T
-    # The same times depth, range + z: a x + b y + c (range + z) <= 0 at every corner, and c < 0 around the axis.
-    needed = box @ edges.T / np.maximum(-edges[:, 2], _LEAST_SLOPE)
-    return max(float(np.max(needed)), float(np.linalg.norm(np.ptp(corners, axis=0))) * 1e-3)

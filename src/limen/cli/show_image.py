@@ -36,6 +36,9 @@ class FrameRow(msgspec.Struct):
     stream_ms: float
     draw_ms: float
     files: list[str]
+    patches: int = 0
+    min_allowed_px: float | None = None
+    max_allowed_px: float | None = None
 
 
 def write_image_frames(

@@ -76,17 +76,7 @@ class MeshOptions:
     write: Annotated[
         Literal["panels", "quilts"], Parameter(help="With --out: a picture for every panel, or one for every quilt.")
     ] = "panels"
-    window: Annotated[
-        Literal["eye", "outputs"],
-        Parameter(
-            help="Without --out: what the viewer's eye sees of the simulated display; or the display's quilts, each on "
-            "the screen that it is named after in the display file."
-        ),
-    ] = "eye"
     background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
-    seen_from: Annotated[
-        str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")
-    ] = ""
 
     def settings(self, display: Display | None) -> SceneSettings:
         """The options as a scene's settings, for a whole display if there is one."""
@@ -124,6 +114,7 @@ def write_mesh_frames(
     *,
     overlay: SceneOverlay | None,
     simulate: bool,
+    seen_from: str,
 ) -> Iterator[tuple[SceneReport, list[str]]]:
     """Write what every panel shows, frame by frame: the frame's report, and the files.
 
@@ -148,7 +139,7 @@ def write_mesh_frames(
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
-                cameras = onlookers(simulated.display, viewers[0], options.seen_from)
+                cameras = onlookers(simulated.display, viewers[0], seen_from)
                 pictures = simulated.seen(viewers[0], list(cameras.values()), overlay=overlay)
                 for name, seen in zip(cameras, pictures, strict=True):
                     files.append(str(write_picture(target / f"{name}.{suffix}", seen)))
@@ -183,10 +174,6 @@ def lit_display(display: Display) -> Display:
 
 def _check_simulation(options: MeshOptions, simulate: bool) -> None:
     """Refuse what cannot be simulated before anything is drawn."""
-    if options.seen_from:
-        place(options.seen_from, "--seen-from")
-        if not simulate:
-            raise InputError("--seen-from is a place to look at the simulated display from: give --simulate too")
     if simulate and options.stereo not in ("none", "anaglyph"):
         raise InputError(f"--simulate shows what one eye sees: give --stereo none or anaglyph, not {options.stereo}")
 

@@ -1,0 +1,114 @@
+"""A terrain on a display, drawn live: dragging turns it, the wheel comes nearer, time flies over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from limen.data.terrain_file import Terrain
+from limen.display.display import Display
+from limen.display.quilt import Quilt
+from limen.draw.terrain import TerrainOverlay
+from limen.geometry import Vec3
+from limen.gpu.device import Device
+from limen.look_at import LookAt
+from limen.stage import STILL, Turn
+from limen.terrain import TerrainRenderer, TerrainReport, TerrainSettings
+from limen.terrain_stock import Draped
+from limen.tolerance import Policy
+from limen.viewer import Pointer, Viewer
+
+__all__ = ["TerrainExhibit", "TerrainStage", "nobody_points"]
+
+
+def nobody_points(time_s: float) -> Sequence[Pointer]:
+    """No pointer at any time."""
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainExhibit:
+    """A terrain and how it is shown: an `limen.stage.Exhibit`.
+
+    Parameters
+    ----------
+    policy
+        How viewers decide about detail.
+    reference_m
+        The reference eye; see `limen.look_at`. A window that is itself the display is looked at from its own.
+    whole
+        The installation that displays are parts of.
+    pointers
+        Who points where, by the viewers' clock.
+    overlay
+        What the overlay shows while it is on.
+    """
+
+    terrain: Terrain
+    settings: TerrainSettings = field(default_factory=TerrainSettings)
+    policy: Policy = field(default_factory=Policy)
+    reference_m: Vec3 = (0.0, 0.0, 0.0)
+    whole: Display | None = None
+    draped: Draped | None = None
+    pointers: Callable[[float], Sequence[Pointer]] = nobody_points
+    overlay: TerrainOverlay = "panels"
+
+    @property
+    def name(self) -> str:
+        return self.terrain.name
+
+    def renderer(self, device: Device, display: Display) -> TerrainRenderer:
+        """The terrain on a display; the caller closes it."""
+        return TerrainRenderer(
+            device, display, self.terrain, settings=self.settings, reference_m=self.reference_m, whole=self.whole,
+            draped=self.draped,
+        )  # fmt: skip
+
+    def on(self, device: Device, display: Display) -> TerrainStage:
+        return TerrainStage(self.renderer(device, display), self)
+
+
+class TerrainStage:
+    """A terrain on a display: a `limen.stage.Stage`."""
+
+    def __init__(self, renderer: TerrainRenderer, exhibit: TerrainExhibit) -> None:
+        self._renderer, self._exhibit = renderer, exhibit
+        self.quilts, self.guard_px = renderer.quilts, renderer.guard_px
+
+    def pose(self, time_s: float, turn: Turn = STILL) -> None:
+        self._renderer.pose(time_s, turned(self._exhibit.settings.look_at, turn, self._renderer))
+
+    def frame(
+        self, viewers: Sequence[Viewer], *, quilt: Quilt, overlay: bool, target: Any, target_format: str
+    ) -> TerrainReport:
+        return self._renderer.frame(
+            viewers, self._exhibit.policy, pointers=self._exhibit.pointers(viewers[0].time_s), quilt=quilt,
+            overlay=self._overlay(overlay), target=target, target_format=target_format,
+        )  # fmt: skip
+
+    def lit_for(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], TerrainReport]:
+        return self._renderer.lit_for(
+            viewers,
+            self._exhibit.policy,
+            pointers=self._exhibit.pointers(viewers[0].time_s),
+            overlay=self._overlay(overlay),
+        )
+
+    def close(self) -> None:
+        self._renderer.close()
+
+    def _overlay(self, shown: bool) -> TerrainOverlay | None:
+        return self._exhibit.overlay if shown else None
+
+
+def turned(look: LookAt, turn: Turn, renderer: TerrainRenderer) -> LookAt:
+    """Where the camera is after dragging (to the right: the land turns that way) and the wheel."""
+    if turn == STILL:
+        return look
+    return replace(
+        look,
+        heading_deg=look.heading_deg - turn.yaw_deg,
+        pitch_deg=min(max(look.pitch_deg + turn.pitch_deg, 1.0), 90.0),
+        range_m=(look.range_m or renderer.range_m) * turn.nearer,
+    )
