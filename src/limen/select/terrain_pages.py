@@ -1,0 +1,100 @@
+"""Which pages of a terrain's textures (relief, heights, a draped image) a cut needs.
+
+A pixel covers ``A`` texels of full resolution along the larger side of its footprint (Heckbert 1983), and is drawn from
+level ``floor(log2(A t))``, where ``t`` is how many pixels large a texel may be without being noticed, 1 at least.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.pages import PAGE, Pyramid
+from limen.data.terrain import Nodes, PatchTable
+from limen.errors import InputError
+from limen.geometry import Floats
+from limen.select import terrain_kernels as kernels
+from limen.select.detail import KEPT
+from limen.select.terrain import TerrainCut
+from limen.select.terrain_forms import terrain_forms
+from limen.view import PanelViews
+
+__all__ = ["POSTS", "TerrainPages", "pages_for_terrain", "texel_tolerance_px"]
+
+POSTS = (1.0, 1.0, 0.5, 0.5)
+
+
+class TerrainPages(NamedTuple):
+    """Pages that a cut of a terrain needs, the most important first."""
+
+    pages: NDArray[np.int64]  # (K,): distinct page numbers
+    importance: Floats  # (K,): how many times too large texels are while a page is missing; never more below it
+
+
+def texel_tolerance_px(allowed_px: Floats, kept: float = KEPT) -> Floats:
+    """How large a texel may be on each panel, pixels: what the shader's level is taken by."""
+    return np.asarray(np.maximum(1.0, np.asarray(allowed_px, dtype=float) * kept))
+
+
+def pages_for_terrain(
+    cut: TerrainCut,
+    nodes: Nodes,
+    patches: PatchTable,
+    pyramid: Pyramid,
+    views: PanelViews,
+    quilt_size_px: tuple[int, int],
+    room_from_posts: Floats,
+    allowed_px: Floats,
+    kept: float = KEPT,
+    *,
+    texels_from_posts: tuple[float, float, float, float] = POSTS,
+) -> TerrainPages:
+    """The pages of a texture laid over the terrain that the panels' pixels ask for.
+
+    For every pixel that shows a place of the cut, the page of its level at that place is among them, and all coarser
+    ones there: what a pixel falls back to, and what levels are blended with.
+
+    Parameters
+    ----------
+    views, quilt_size_px, room_from_posts, allowed_px
+        As the cut was selected with.
+    kept
+        What is left of a texel's fineness when it is drawn; see `limen.select.detail.KEPT`.
+    texels_from_posts
+        Where posts lie in the texture, in texels of full resolution from its corner: scale along columns and rows, then
+        the place of post 0. By default the terrain's own textures, whose texel ``i`` has its centre on post ``i``.
+
+    Raises
+    ------
+    InputError
+        If a scale is not positive, or the terrain is sheared.
+    """
+    across, along, left, above = texels_from_posts
+    if not (across > 0 and along > 0):
+        raise InputError(f"texels_from_posts must have scales above 0, got {across} and {along}")
+    texels = np.array([[across, 0, 0, left], [0, along, 0, above], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    node = patches.node[cut.pair_patch]
+    rect = nodes.rect[node] * [across, along, across, along] + [left, above, left, above]
+    low_high = nodes.low_high_m[node].astype(float)
+    box = np.column_stack([rect[:, :2], low_high[:, :1], rect[:, 2:], low_high[:, 1:]])
+    levels = pyramid.levels
+    grid = kernels.Grid(
+        np.array([level.columns for level in levels], dtype=np.int64),
+        np.array([level.rows for level in levels], dtype=np.int64),
+        np.array([level.first_page for level in levels], dtype=np.int64),
+    )
+    importance = np.zeros(pyramid.page_count)
+    kernels.wanted_pages(
+        cut.pair_panel,
+        np.ascontiguousarray(box),
+        terrain_forms(views, quilt_size_px, room_from_posts @ np.linalg.inv(texels)),
+        grid,
+        PAGE,
+        texel_tolerance_px(allowed_px, kept),
+        importance,
+    )
+    wanted = np.flatnonzero(importance)
+    wanted = wanted[np.argsort(-importance[wanted], kind="stable")]
+    return TerrainPages(wanted, importance[wanted])

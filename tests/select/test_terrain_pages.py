@@ -1,0 +1,135 @@
+"""The pages of a terrain's textures: no pixel asks for one that was not chosen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up_terrain import Scene, made_up_scene, made_up_terrain
+
+from limen.data.pages import PAGE, Pyramid
+from limen.data.terrain import Nodes
+from limen.errors import InputError
+from limen.geometry import Floats
+from limen.select.terrain import select_terrain
+from limen.select.terrain_pages import pages_for_terrain, texel_tolerance_px
+
+SEEDS = st.integers(0, 10_000)
+COLUMNS, ROWS = 512 * 4, 256 * 4
+
+
+def enlarged(nodes: Nodes, factor: int) -> Nodes:
+    """The same tree over more posts, so that it spans pages."""
+    return nodes._replace(rect=nodes.rect * factor)
+
+
+def footprints(scene: Scene, panel: int, places: Floats, slopes: Floats) -> Floats:
+    """Larger side of a pixel's footprint in posts, on ground with the slopes (metres a column, a row): by its rays.
+
+    The place that is seen half a pixel to either side lies where the ray through it meets the ground's plane.
+    """
+    views, half = scene.views, np.array(scene.quilt_size_px) / 2
+    room = scene.room_from_posts[:3, :3]
+    way = scene.placed(places)
+    clip = way @ views.clip[panel].T
+    larger = np.zeros(len(places))
+    for axis in range(2):
+        ends = []
+        for step in (-0.5, 0.5):
+            there = clip / clip[:, 2:]
+            there[:, axis] += step * 1e-3 / half[axis]
+            ray = np.linalg.solve(room, np.linalg.solve(views.clip[panel], there.T)).T  # in columns, rows, metres
+            origin = np.linalg.solve(room, -way.T).T  # the eye, as seen from the place
+            normal = np.column_stack([-slopes, np.ones(len(places))])
+            length = -(origin * normal).sum(axis=1) / (ray * normal).sum(axis=1)
+            ends.append((origin + ray * length[:, None])[:, :2])
+        larger = np.maximum(larger, np.linalg.norm(ends[1] - ends[0], axis=1) * 1e3)
+    return larger
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=SEEDS, allowed=st.lists(st.floats(0.2, 30), min_size=2, max_size=2).map(np.array), drape=st.booleans())
+def test_every_pixel_finds_its_page(seed: int, allowed: Floats, drape: bool) -> None:
+    nodes, patches = made_up_terrain(seed)
+    nodes = enlarged(nodes, 4)
+    scene, random = made_up_scene(seed, columns=COLUMNS, rows=ROWS), np.random.default_rng(seed)
+    scale, begin = (1.7, np.array([3.0, -40.0])) if drape else (1.0, np.array([0.5, 0.5]))
+    size_px = (3000, 1500) if drape else (COLUMNS, ROWS)
+    pyramid = Pyramid.of(size_px)
+    args = (scene.views, scene.quilt_size_px, scene.room_from_posts, allowed)
+    cut = select_terrain(nodes, patches, *args)
+    wanted = pages_for_terrain(cut, nodes, patches, pyramid, *args, texels_from_posts=(scale, scale, *begin))
+    assert (np.diff(wanted.importance) <= 0).all()
+    chosen = set(wanted.pages.tolist())
+    assert len(chosen) == len(wanted.pages)
+    for panel in range(2):
+        shown = patches.node[cut.pair_patch[cut.pair_panel == panel]]
+        for node in shown[:20]:
+            low, high = nodes.low_high_m[node]
+            c0, r0, c1, r1 = nodes.rect[node]
+            places = random.uniform([c0, r0, low], [c1, r1, high], (60, 3))
+            places = places[scene.sees(panel, places)]
+            texel = places[:, :2] * scale + begin
+            inside = ((texel >= 0) & (texel < size_px)).all(axis=1)
+            places, texel = places[inside], texel[inside]
+            # Ground of any slope, the most are nearly level in the room or nearly upright.
+            slopes = random.normal(size=(len(places), 2)) * 10 ** random.uniform(-3, 3, (len(places), 1))
+            texels = footprints(scene, panel, places, slopes) * scale * texel_tolerance_px(allowed)[panel]
+            level = np.clip(np.floor(np.log2(texels)), 0, len(pyramid.levels) - 1).astype(np.int64)
+            column, row = (texel // (PAGE * 2.0 ** level[:, None])).astype(np.int64).T
+            assert set(pyramid.page_index(level, column, row).tolist()) <= chosen
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=SEEDS, allowed=st.floats(0.2, 30))
+def test_coarser_pages_of_a_page_come_with_it_and_before_it(seed: int, allowed: float) -> None:
+    nodes, patches = made_up_terrain(seed)
+    nodes = enlarged(nodes, 4)
+    scene = made_up_scene(seed, columns=COLUMNS, rows=ROWS)
+    args = (scene.views, scene.quilt_size_px, scene.room_from_posts, np.full(2, allowed))
+    cut = select_terrain(nodes, patches, *args)
+    pyramid = Pyramid.of((COLUMNS, ROWS))
+    wanted = pages_for_terrain(cut, nodes, patches, pyramid, *args)
+    place = {int(page): number for number, page in enumerate(wanted.pages)}
+    for page in wanted.pages:
+        level, column, row = pyramid.page_of(int(page))
+        if level < len(pyramid.levels) - 1:
+            assert place[pyramid.page_index(level + 1, column // 2, row // 2)] < place[int(page)]
+
+
+def test_far_ground_needs_coarse_pages_and_no_more_than_it_shows() -> None:
+    """Ground seen at right angles: the level is known, up to the half that a pixel on a diagonal slope may want."""
+    nodes, patches = made_up_terrain(3)
+    nodes = enlarged(nodes, 4)
+    pyramid = Pyramid.of((COLUMNS, ROWS))
+    scene = made_up_scene(3, panels=1, columns=COLUMNS, rows=ROWS)
+    views = scene.views
+    # Columns along the panel's right, rows along its down, height toward the eye; a pixel is 2.9 posts at its foot.
+    right, down, toward = np.linalg.inv(views.clip[0])[:, 0], -np.linalg.inv(views.clip[0])[:, 1], -views.clip[0, 2]
+    right, down = right / np.linalg.norm(right), down - toward * (down @ toward)
+    across = np.cross(down / np.linalg.norm(down), toward)
+    room = np.eye(4)
+    room[:3, 0], room[:3, 1] = across * 0.001, down / np.linalg.norm(down) * 0.001
+    room[:3, 2] = toward * 1e-6
+    corner = views.corners[0].mean(axis=0)
+    height = float((views.outline_m[0, 0] - views.eye_m) @ views.clip[0, 2])
+    middle = views.eye_m + corner / (corner @ views.clip[0, 2]) * 2.9 * height
+    room[:3, 3] = middle - room[:3, :3] @ [COLUMNS / 2, ROWS / 2, 0]
+    args = (views, scene.quilt_size_px, room, np.array([0.5]))
+    cut = select_terrain(nodes, patches, *args)
+    wanted = pages_for_terrain(cut, nodes, patches, pyramid, *args)
+    levels = pyramid.page_of(wanted.pages)[0]
+    assert levels.min() == 1
+    shown = 400 * 260 * 2.9**2
+    texels = PAGE**2 * 4 * (levels == 1).sum()
+    assert texels < 4 * shown
+
+
+def test_a_texture_must_not_be_turned_over() -> None:
+    nodes, patches = made_up_terrain(0)
+    scene = made_up_scene(0)
+    args = (scene.views, scene.quilt_size_px, scene.room_from_posts, np.ones(2))
+    cut = select_terrain(nodes, patches, *args)
+    with pytest.raises(InputError, match="scales above 0"):
+        pages_for_terrain(cut, nodes, patches, Pyramid.of((9, 9)), *args, texels_from_posts=(1.0, -1.0, 0.0, 9.0))
