@@ -18,8 +18,8 @@ sides of the pixel's footprint in posts, that post is ``k_x b1 + k_y b2``, so ``
     larger side >= w / L,    L = largest |X.t - x W.t| + |Y.t - y W.t| over level unit vectors t and the panel.
 
 With ``H`` the matrix of the steps along columns and rows, ``L`` is the larger of ``|H^T (1, 1)|`` and
-``|H^T (1, -1)|``, again convex in (x, y). The larger side of the footprint is what Heckbert 1983 (*Texture Mapping Polygons in
-Perspective*) takes a level by.
+``|H^T (1, -1)|``, again convex in (x, y). The larger side of the footprint is what Heckbert 1983 (*Texture Mapping
+Polygons in Perspective*) takes a level by.
 """
 
 from __future__ import annotations
