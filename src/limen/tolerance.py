@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from limen.errors import InputError
 from limen.geometry import Floats
@@ -19,11 +20,12 @@ from limen.units import arcmin_to_rad
 from limen.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, acuity_from, eccentricity_scale
 
-__all__ = ["GAZE", "HEAD_SLACK_DEG", "POLICIES", "Policy", "Tolerance", "tolerance_of"]
+__all__ = ["GAZE", "HEAD_SLACK_DEG", "POLICIES", "Policy", "Tolerance", "scheel_px", "tolerance_of"]
 
-POLICIES = ("full", "acuity", "contrast")
+POLICIES = ("full", "acuity", "contrast", "scheel")
 """``full``: the ordinary mip level, whoever looks. ``acuity``: also what distance hides from the viewers.
-``contrast``: also what is too faint to be seen there."""
+``contrast``: also what is too faint to be seen there. ``scheel``: what Scheel and others allowed on the panels of a
+wall that shows a terrain, see `scheel_px`; for terrains alone."""
 
 GAZE = "+gaze"
 """Appended to a policy's name: also what is too far from where the viewers look."""
@@ -41,7 +43,7 @@ class Policy:
     name
         One of `POLICIES`.
     acuity_arcmin
-        The acuity of viewers who bring none of their own; ``full`` ignores it.
+        The acuity of viewers who bring none of their own; ``full`` and ``scheel`` ignore it.
     gaze
         Whether detail may fall off with the angle from the gaze, or from the head's direction less
         ``head_slack_deg`` where no eye tracker tells the gaze.
@@ -50,7 +52,7 @@ class Policy:
         that look for the place where an omission becomes visible.
     """
 
-    name: Literal["full", "acuity", "contrast"] = "acuity"
+    name: Literal["full", "acuity", "contrast", "scheel"] = "acuity"
     acuity_arcmin: float = HUMAN_ARCMIN
     gaze: bool = False
     distance_factor: float = 1.0
@@ -78,15 +80,15 @@ class Policy:
         base = text.removesuffix(GAZE)
         gaze = base != text
         match base:
-            case "full" if not gaze:
-                return cls("full")
+            case "full" | "scheel" if not gaze:
+                return cls(base)
             case "acuity" | "contrast":
                 return cls(base, acuity_from(acuity_arcmin), gaze)
             case "snellen":
                 return cls("acuity", SNELLEN_ARCMIN, gaze)
         raise InputError(
             f"no policy is named '{text}': there are {', '.join(POLICIES)} and snellen, "
-            f"all but full also with {GAZE} appended"
+            f"acuity, contrast and snellen also with {GAZE} appended"
         )
 
     @property
@@ -96,7 +98,7 @@ class Policy:
 
     @property
     def label(self) -> str:
-        return self.name if self.name == "full" else f"{self.title} {self.acuity_arcmin:g}'"
+        return self.name if self.name in ("full", "scheel") else f"{self.title} {self.acuity_arcmin:g}'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +168,15 @@ class Tolerance:
 
 
 def tolerance_of(viewers: Iterable[Viewer], policy: Policy) -> Tolerance:
-    """What the viewers cannot see under a policy; the finest demand wins, place by place."""
+    """What the viewers cannot see under a policy; the finest demand wins, place by place.
+
+    Raises
+    ------
+    InputError
+        For the policy ``scheel``, which knows panels and no places: see `limen.select.visibility.panel_demands`.
+    """
+    if policy.name == "scheel":
+        raise InputError("the policy scheel gives panels of a terrain one error each: take acuity for anything else")
     rows: list[Floats] = []
     if policy.name != "full":
         for viewer in viewers:
@@ -177,3 +187,30 @@ def tolerance_of(viewers: Iterable[Viewer], policy: Policy) -> Tolerance:
             rows += [np.concatenate([eye, [tangent], look, [slack]]) for eye in viewer.eyes_m]
     table = np.array(rows, dtype=float).reshape(-1, 8)
     return Tolerance(table[:, :3].copy(), table[:, 3].copy(), table[:, 4:7].copy(), table[:, 7].copy())
+
+
+def scheel_px(distance_m: ArrayLike, angle_deg: ArrayLike, pixel_height_m: ArrayLike) -> Floats:
+    """The error in pixels that Scheel and others allow a panel: 1 arcmin where it is looked at, 11 at 60 degrees.
+
+    ``theta = (1 + 20 (1 - cos alpha)) / 60`` degrees and ``rho = 2 d tan(theta / 2) / h``. The arrays are broadcast.
+
+    Parameters
+    ----------
+    distance_m
+        From the eye to the panel.
+    angle_deg
+        Between the line of sight and the way to the panel.
+    pixel_height_m
+        Of the panel.
+
+    References
+    ----------
+    Scheel, Löffler, Lehmann, Schumann, Staadt 2014, *Dynamic Level of Detail for Tiled Large High-Resolution
+    Displays*, equations 3 and 4.
+
+    >>> scheel_px(3.0, [0.0, 60.0], 0.000303).round(2).tolist()
+    [2.88, 31.68]
+    """
+    angle = np.radians(np.asarray(angle_deg, dtype=float))
+    theta = np.radians((1 + (1 - np.cos(angle)) * 20) / 60)
+    return np.asarray(2 * np.asarray(distance_m, dtype=float) * np.tan(theta / 2) / pixel_height_m)
