@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import limen
 from limen.errors import InputError
-from limen.tolerance import Policy, tolerance_of
+from limen.tolerance import Policy, scheel_px, tolerance_of
 from limen.vision.acuity import acuity_from, acuity_level, optimal_distance_m
 
 places = st.tuples(*[st.floats(-9, 9)] * 3)
@@ -88,3 +88,20 @@ def test_eyes_lie_left_and_right_of_the_head():
     np.testing.assert_allclose(eyes, [[1, 1.7, -0.03], [1, 1.7, 0.03]], atol=1e-12)
     assert limen.Viewer((0, 0, 0), direction=(0, 1, 0)).eyes_m.shape == (2, 3)
     assert limen.Viewer((0, 0, 0), eye_separation_m=0).eyes_m.shape == (1, 3)
+
+
+def test_scheels_policy_is_named_without_acuity_or_gaze_and_is_for_panels():
+    policy = Policy.parse("scheel", 2.0)
+    assert policy == Policy("scheel")
+    assert policy.label == policy.title == "scheel"
+    with pytest.raises(InputError, match="no policy is named 'scheel.gaze'"):
+        Policy.parse("scheel+gaze")
+    with pytest.raises(InputError, match="take acuity for anything else"):
+        tolerance_of([limen.Viewer((0, 0, 0))], policy)
+
+
+def test_scheels_formula():
+    """1 arcminute where one looks, 11 at 60 degrees (equation 3); equation 2 says that an arcminute is a pixel."""
+    pixel_m = 2 * 1.5 * math.tan(math.radians(1 / 60) / 2)
+    assert scheel_px(1.5, [0.0, 60.0], pixel_m) == pytest.approx([1.0, 11.0], rel=1e-4)
+    assert scheel_px([1.5, 3.0], 0.0, pixel_m) == pytest.approx([1.0, 2.0])

@@ -1,4 +1,4 @@
-"""A tracked person: where the eyes are, where the head points, how sharp the eyes see."""
+"""A tracked person: where the eyes are, where the head points, how sharp the eyes see. And a pointer in the hand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3, cross, length, normalised
 
-__all__ = ["Viewer"]
+__all__ = ["Pointer", "Viewer"]
 
 _UP: Vec3 = (0.0, 1.0, 0.0)
 
@@ -95,3 +95,40 @@ class Viewer:
         if length(across) < 1e-6:  # looking straight up or down: the head's yaw is unknown
             return (1.0, 0.0, 0.0)
         return normalised(across, "viewer.direction")
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """A tracked hand-held pointer at one instant, in the room frame: what it points at is wanted in full detail.
+
+    Parameters
+    ----------
+    position_m
+        Where it is held.
+    direction
+        Where it points; any length, stored as a unit vector.
+    time_s
+        Time stamp on the session's clock.
+    name
+        Tells several pointers of one session apart.
+
+    Raises
+    ------
+    InputError
+        For coordinates that are not finite, or a zero direction.
+    """
+
+    position_m: Vec3
+    direction: Vec3
+    time_s: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "position_m", as_vec3(self.position_m, "pointer.position_m"))
+            direction = as_vec3(self.direction, "pointer.direction")
+            object.__setattr__(self, "direction", normalised(direction, "pointer.direction"))
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        if not math.isfinite(self.time_s):
+            raise InputError(f"pointer.time_s must be finite, got {self.time_s}")

@@ -263,6 +263,26 @@ class Display:
         return arrays.origin_m - arrays.right * step[:, :1] - arrays.down * step[:, 1:]
 
     @cached_property
+    def outlines_m(self) -> Floats:
+        """Corners of the lit outlines in the room, clockwise as viewers see them: shape (P, K, 3).
+
+        Rows beyond an outline's number of corners repeat its last; K is the largest number.
+        """
+        outlines = [panel.outline_m for panel in self.panels]
+        most = max(map(len, outlines))
+        return np.array([outline[np.minimum(np.arange(most), len(outline) - 1)] for outline in outlines])
+
+    @cached_property
+    def middles_m(self) -> Floats:
+        """The mean of each lit outline's corners, a place inside of it: shape (P, 3)."""
+        return np.array([panel.outline_m.mean(axis=0) for panel in self.panels])
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Unit vectors toward the viewers, shape (P, 3)."""
+        return np.cross(self.arrays.down, self.arrays.right)
+
+    @cached_property
     def surface(self) -> Rect:
         """The bounding rectangle of all panels on the unrolled surface."""
         arrays = self.arrays
