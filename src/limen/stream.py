@@ -15,11 +15,7 @@ ancestor is always there.
 
 from __future__ import annotations
 
-import logging
-import threading
 import time
-from collections import OrderedDict
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -27,12 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
-from limen.errors import InputError, PageError
+from limen.errors import InputError
+from limen.fetch import Fetcher
 
 __all__ = ["FADE_S", "Drawable", "PageSource", "PageTable", "Statistics", "Stream", "Update", "Upload"]
-
-_log = logging.getLogger(__name__)
-
 
 FADE_S = 0.2
 """How long a page that came late takes to replace the coarser one shown in its place: a change of 2.5 Hz, at which the
@@ -139,8 +133,8 @@ class Stream:
         pyramid = source.pyramid
         if slots < 2:
             raise InputError(f"a pool of {slots} pages is too small: at least 2 are needed")
-        self._source, self._pyramid = source, pyramid
-        self._cpu_pages, self._uploads_per_frame = cpu_pages, uploads_per_frame
+        self._pyramid = pyramid
+        self._uploads_per_frame = uploads_per_frame
         self._slot_of = np.full(pyramid.page_count, -1, dtype=np.int32)
         self._page_in = np.full(slots, -1, dtype=np.int64)
         self._last_used = np.full(slots, -1, dtype=np.int64)
@@ -149,15 +143,7 @@ class Stream:
         self._frame = 0
         self._version = 0
         self._pinned = pyramid.page_count - 1  # the one page of the coarsest level
-        self._lock = threading.Condition()
-        self._queue: list[int] = []  # most important last, so that a worker pops from the end
-        self._decoding: set[int] = set()
-        self._decoded: OrderedDict[int, NDArray[np.uint8]] = OrderedDict()
-        self._failed: set[int] = set()
-        self._closed = False
-        self._workers = ThreadPoolExecutor(threads, thread_name_prefix="limen-decode")
-        for _ in range(threads):
-            self._workers.submit(self._work)
+        self._fetcher = Fetcher(source.read_page, kept=cpu_pages, threads=threads, name="page", cost=lambda _: 1)
 
     # ------------------------------------------------------------------ what a frame does
 
@@ -193,19 +179,17 @@ class Stream:
         if soon is not None:
             later = np.setdiff1d(soon, wanted, assume_unique=True)[: max(0, room - len(wanted))]
             missing = np.concatenate([missing, self._touch(later)])
-        with self._lock:
-            ready = self._take_decoded(missing, self._uploads_per_frame if uploads is None else uploads)
-            self._enqueue(missing, {page for page, _ in ready})
-            waiting, queued, failed = len(self._decoded), len(self._queue) + len(self._decoding), len(self._failed)
+        budget = self._uploads_per_frame if uploads is None else uploads
+        ready, pending = self._fetcher.exchange(missing.tolist(), budget)
         placed = self._place(ready)
         statistics = Statistics(
             wanted=len(wanted),
             needed=needed,
             missing=int((self._slot_of[wanted] < 0).sum()),
             uploads=len(placed),
-            decoded_waiting=waiting,
-            queued=queued,
-            failed=failed,
+            decoded_waiting=pending.decoded,
+            queued=pending.queued,
+            failed=pending.failed,
             resident=int((self._page_in >= 0).sum()),
             update_ms=(time.perf_counter() - begin) * 1e3,
         )
@@ -268,28 +252,20 @@ class Stream:
     @property
     def idle(self) -> bool:
         """Nothing is queued or being decoded."""
-        with self._lock:
-            return not (self._queue or self._decoding)
+        return self._fetcher.idle
 
     @property
     def settled(self) -> bool:
         """Nothing is queued, being decoded, or waiting for its upload."""
-        with self._lock:
-            return not (self._queue or self._decoding or self._decoded)
+        return self._fetcher.settled
 
     def wait(self, timeout_s: float = 1.0) -> None:
         """Sleep until a page has been decoded (for offscreen pictures; a live frame never calls this)."""
-        with self._lock:
-            if (self._queue or self._decoding) and not self._decoded:
-                self._lock.wait(timeout_s)
+        self._fetcher.wait(timeout_s)
 
     def close(self) -> None:
         """Stop the workers; pages being decoded are finished first."""
-        with self._lock:
-            self._closed = True
-            self._queue.clear()
-            self._lock.notify_all()
-        self._workers.shutdown(wait=True)
+        self._fetcher.close()
 
     def __enter__(self) -> Stream:
         return self
@@ -301,12 +277,13 @@ class Stream:
 
     def _without_failed(self, wanted: NDArray[np.int64]) -> NDArray[np.int64]:
         """The wanted pages, those that cannot be read replaced by their nearest coarser page that can."""
-        if not self._failed:
+        failed = self._fetcher.failed
+        if not failed:
             return wanted
         pages: dict[int, None] = {}  # keeps the order, most important first
         for page in wanted.tolist():
             level, column, row = self._pyramid.page_of(page)
-            while page in self._failed and level + 1 < len(self._pyramid.levels):
+            while page in failed and level + 1 < len(self._pyramid.levels):
                 level, column, row = level + 1, column >> 1, row >> 1
                 page = self._pyramid.page_index(level, column, row)
             pages[page] = None
@@ -317,36 +294,6 @@ class Stream:
         slots = self._slot_of[pages]
         self._last_used[slots[slots >= 0]] = self._frame
         return pages[slots < 0]
-
-    def _take_decoded(self, missing: NDArray[np.int64], budget: int) -> list[tuple[int, NDArray[np.uint8]]]:
-        """Up to ``budget`` decoded pages, the most important first; what nobody wants any more is dropped."""
-        if not self._decoded:
-            return []
-        ready: list[tuple[int, NDArray[np.uint8]]] = []
-        for page in missing.tolist():
-            if len(ready) == budget:
-                break
-            texels = self._decoded.pop(page, None)
-            if texels is not None:
-                ready.append((page, texels))
-        while len(self._decoded) > self._cpu_pages // 2:
-            self._decoded.popitem(last=False)
-        self._lock.notify_all()
-        return ready
-
-    def _enqueue(self, missing: NDArray[np.int64], ready: set[int]) -> None:
-        """Replace the queue by this frame's wishes, as many as there is room for."""
-        room = max(0, self._cpu_pages - len(self._decoded))
-        queue: list[int] = []
-        for page in missing.tolist():
-            if len(queue) == room:
-                break
-            if not (page in ready or page in self._decoded or page in self._decoding or page in self._failed):
-                queue.append(page)
-        queue.reverse()
-        self._queue = queue
-        if queue:
-            self._lock.notify_all()
 
     def _place(self, ready: list[tuple[int, NDArray[np.uint8]]]) -> list[Upload]:
         """Give each page a slot: a free one, else the least recently used (never one that this frame wants)."""
@@ -368,33 +315,3 @@ class Stream:
             placed.append(Upload(slot, texels))
         self._version += bool(placed)
         return placed
-
-    # ------------------------------------------------------------------ the workers
-
-    def _work(self) -> None:
-        while (page := self._next()) is not None:
-            texels: NDArray[np.uint8] | None = None
-            try:
-                texels = self._source.read_page(page)
-            except PageError as error:
-                _log.warning("%s; its coarser level is shown instead", error)
-            except Exception:
-                # A worker that dies would stop every later page; the page is given up instead.
-                _log.exception("page %d could not be decoded; its coarser level is shown instead", page)
-            with self._lock:
-                self._decoding.discard(page)
-                if texels is None:
-                    self._failed.add(page)
-                elif not self._closed:
-                    self._decoded[page] = texels
-                self._lock.notify_all()
-
-    def _next(self) -> int | None:
-        with self._lock:
-            while not self._closed and not self._queue:
-                self._lock.wait()
-            if self._closed:
-                return None
-            page = self._queue.pop()
-            self._decoding.add(page)
-            return page
