@@ -124,6 +124,14 @@ class Windows:
         return np.asarray(np.einsum("na,na->n", self._lines.normal, relative) > _IN_PLANE_M)
 
     @cached_property
+    def bounds_px(self) -> NDArray[np.int64]:
+        """Left, top, right and bottom of the pixels that panels and their guards touch, in the first copy: (N, 4)."""
+        outlines = quilt_outlines(self.display, self.quilt)
+        low = np.floor(outlines.min(axis=1) - self.guard_px).clip(0)
+        high = np.minimum(np.ceil(outlines.max(axis=1) + self.guard_px), self.quilt.size_px)
+        return np.concatenate([low, high], axis=1).astype(np.int64)
+
+    @cached_property
     def light(self) -> tuple[Floats, Floats]:
         """Gain and falloff of every panel, shape (N,) each; see `limen.display.panel.Panel`."""
         panels = [self.display.panels[index] for index in self.quilt.panels]

@@ -20,11 +20,11 @@ from limen.draw.sort_peers import OctreeSorter, WholeScene
 from limen.draw.sorter import Sorter
 from limen.draw.texels import upload_textures
 from limen.draw.views import corner_rows, scene_row
-from limen.errors import DeviceLimitError
 from limen.geometry import Floats
-from limen.gpu.buffers import GrowingBuffer, TextureReader
+from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
+from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
 from limen.view import NEAR_M, Windows
 
 __all__ = ["DEPTH_FORMAT", "METHODS", "QUILT_FORMAT", "Depth", "Method", "SceneLayer", "SceneOverlay"]
@@ -40,9 +40,6 @@ METHODS: dict[Method, type[Sorter]] = {
     "per-panel": WholeScene,
 }
 """Ways to find the panels of a triangle: limen's own, and those that it is compared with."""
-
-QUILT_FORMAT = "rgba8unorm-srgb"
-DEPTH_FORMAT = "depth32float"
 
 _OVERLAYS: dict[SceneOverlay | None, int] = {None: 0, "panels": 1}
 _LIGHT = np.array([0.35, 0.8, 0.5]) / np.linalg.norm([0.35, 0.8, 0.5])
@@ -104,8 +101,7 @@ class SceneLayer:
         )  # fmt: skip
         self._layout = self._bind_group_layout()
         self._pipelines: dict[tuple[str, Depth, SceneOverlay | None], Any] = {}
-        self._targets: dict[tuple[tuple[int, int], str, int], Any] = {}
-        self._reader = TextureReader(device)
+        self._targets = Targets(device)
 
     def move(self, mesh: Mesh) -> None:
         """The same triangles with other places and normals: what the next frames show."""
@@ -189,14 +185,16 @@ class SceneLayer:
             Valid until the next draw of a quilt of the same size and slot; ``None`` with a ``target``.
         """
         size = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
-        texture = None if target is not None else self._target(size, target_format, slot)
+        texture = None if target is not None else self._targets.texture(size, target_format, slot)
         view = texture.create_view() if texture is not None else target
-        self._submit(windows, view, self._target(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay)
+        self._submit(
+            windows, view, self._targets.texture(size, DEPTH_FORMAT).create_view(), target_format, depth, overlay
+        )
         return texture
 
     def read(self, texture: Any) -> NDArray[np.uint8]:
         """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
-        return self._reader.read(texture)
+        return self._targets.read(texture)
 
     def read_depth(self, windows: Windows) -> NDArray[np.float32]:
         """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits.
@@ -206,19 +204,13 @@ class SceneLayer:
         DeviceLimitError
             On OpenGL, which does not give depth away.
         """
-        texture = self._target((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]), DEPTH_FORMAT)
-        try:
-            return self._reader.read(texture).view(np.float32)[..., 0]
-        except wgpu.GPUValidationError:
-            raise DeviceLimitError(f"{self._device.adapter_name} cannot read depth back: use a Vulkan driver") from None
+        return self._targets.read_depth((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]))
 
     def destroy(self) -> None:
-        for texture in [*self._targets.values(), self._pictures]:
-            texture.destroy()
-        self._targets.clear()
+        self._targets.destroy()
+        self._pictures.destroy()
         for buffer in (self._corners, self._scene):
             buffer.destroy()
-        self._reader.destroy()
         self.sorter.destroy()
         self._pipelines.clear()
 
@@ -256,15 +248,6 @@ class SceneLayer:
         self.sorter.record(render_pass, windows)
         render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
-
-    def _target(self, size_px: tuple[int, int], target_format: str, slot: int = 0) -> Any:
-        key = (size_px, target_format, slot)
-        if key not in self._targets:
-            usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
-            self._targets[key] = self._device.wgpu.create_texture(
-                label="quilt", size=(*size_px, 1), format=target_format, usage=usage
-            )
-        return self._targets[key]
 
     def _group(self) -> Any:
         # Not every way of sorting has what another draws from; the shader of this one does not look there.

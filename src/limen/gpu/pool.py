@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 import wgpu
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from limen.errors import DeviceLimitError
 from limen.gpu.device import Device
 
-__all__ = ["PAGE_SIDE", "PagePool", "Placed"]
+__all__ = ["PAGE_SIDE", "PageFormat", "PagePool", "Placed"]
+
+PageFormat: TypeAlias = Literal["rgba8unorm-srgb", "rgba8unorm"]
 
 PAGE_SIDE = 256 + 2 * 4
 """Texels along a page with its gutters. `limen.data.pages` decides this; a test keeps the two equal."""
@@ -41,6 +43,8 @@ class PagePool:
     budget_bytes
         How much GPU memory the pool may take; it takes as many whole layers (or, below one layer, whole rows of
         eight pages) as fit.
+    format
+        ``rgba8unorm-srgb`` for pictures, whose bytes are sRGB codes; ``rgba8unorm`` for bytes that are numbers.
 
     Raises
     ------
@@ -48,7 +52,7 @@ class PagePool:
         If the budget is smaller than eight pages or the adapter refuses the memory.
     """
 
-    def __init__(self, device: Device, budget_bytes: int) -> None:
+    def __init__(self, device: Device, budget_bytes: int, *, format: PageFormat = "rgba8unorm-srgb") -> None:
         rows = budget_bytes // (_PER_SIDE * _PAGE_BYTES)
         if rows < 1:
             needed = _PER_SIDE * _PAGE_BYTES / 1e6
@@ -63,7 +67,8 @@ class PagePool:
         self.slots = self.columns * self.rows * self.layers
         self.bytes = self.slots * _PAGE_BYTES
         self._queue = device.wgpu.queue
-        self._texture = _texture(device, (self.columns * PAGE_SIDE, self.rows * PAGE_SIDE, max(self.layers, 2)))
+        size = (self.columns * PAGE_SIDE, self.rows * PAGE_SIDE, max(self.layers, 2))
+        self._texture = _texture(device, size, format)
         self.texels: Any = self._texture.create_view(dimension="2d-array")
 
     def write(self, uploads: Sequence[Placed]) -> None:
@@ -90,10 +95,10 @@ class PagePool:
         return (column * PAGE_SIDE, row * PAGE_SIDE, layer)
 
 
-def _texture(device: Device, size: tuple[int, int, int]) -> Any:
+def _texture(device: Device, size: tuple[int, int, int], page_format: PageFormat) -> Any:
     usage = wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST
     try:
-        return device.wgpu.create_texture(label="page pool", size=size, format="rgba8unorm-srgb", usage=usage)
+        return device.wgpu.create_texture(label="page pool", size=size, format=page_format, usage=usage)
     except wgpu.GPUError as error:
         gigabytes = size[0] * size[1] * size[2] * 4 / 1e9
         reason = " ".join(str(error).split())
