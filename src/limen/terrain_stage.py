@@ -10,11 +10,13 @@ from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.draw.terrain import TerrainOverlay
+from limen.draw.terrain_look import TerrainLook
 from limen.geometry import Vec3
 from limen.gpu.device import Device
 from limen.look_at import LookAt
 from limen.stage import STILL, Turn
-from limen.terrain import TerrainRenderer, TerrainReport, TerrainSettings
+from limen.terrain import TerrainRenderer, TerrainReport
+from limen.terrain_choice import TerrainSettings
 from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.viewer import Pointer, Viewer
@@ -46,6 +48,7 @@ class TerrainExhibit:
     """
 
     terrain: Terrain
+    look: TerrainLook = field(default_factory=TerrainLook)
     settings: TerrainSettings = field(default_factory=TerrainSettings)
     policy: Policy = field(default_factory=Policy)
     reference_m: Vec3 = (0.0, 0.0, 0.0)
@@ -61,8 +64,8 @@ class TerrainExhibit:
     def renderer(self, device: Device, display: Display) -> TerrainRenderer:
         """The terrain on a display; the caller closes it."""
         return TerrainRenderer(
-            device, display, self.terrain, settings=self.settings, reference_m=self.reference_m, whole=self.whole,
-            draped=self.draped,
+            device, display, self.terrain, look=self.look, settings=self.settings, reference_m=self.reference_m,
+            whole=self.whole, draped=self.draped,
         )  # fmt: skip
 
     def on(self, device: Device, display: Display) -> TerrainStage:

@@ -246,7 +246,7 @@ def _exhibit(
     reference_m = standing_viewer(asked.whole).position_m if asked.whole else (0.0, 0.0, 0.0)
     overlay: TerrainOverlay = "patches" if asked.overlay == "patches" else "panels"
     return TerrainExhibit(
-        content, options.settings(), policy, reference_m, asked.whole, draped, asked.pointers(), overlay
+        content, options.look(), options.settings(), policy, reference_m, asked.whole, draped, asked.pointers(), overlay
     )
 
 

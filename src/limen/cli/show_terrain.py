@@ -26,7 +26,8 @@ from limen.look_at import Flight, LookAt
 from limen.present.file import write_picture
 from limen.select.terrain import Mode
 from limen.select.visibility import Rule
-from limen.terrain import CameraKind, TerrainReport, TerrainSettings
+from limen.terrain import TerrainReport
+from limen.terrain_choice import CameraKind, TerrainSettings
 from limen.terrain_stage import TerrainExhibit
 from limen.terrain_stock import Draped
 from limen.viewer import Viewer
@@ -72,13 +73,15 @@ class TerrainOptions:
     sun_altitude_deg: Annotated[float, Parameter(help="Above the horizon.")] = 45.0
 
     def settings(self) -> TerrainSettings:
-        """Raises InputError for what cannot be."""
-        look = TerrainLook(
-            self.colours or ("drape" if self.drape else "hypsometric"), self.sun_azimuth_deg, self.sun_altitude_deg,
-            contour_interval_m=_interval(self.contours),
-        )  # fmt: skip
+        """From where it is looked at, and how detail is chosen; raises InputError for what cannot be."""
         look_at = LookAt(_pair(self.target), self.heading_deg, self.pitch_deg, self.range_m, self.exaggeration)
-        return TerrainSettings(look, look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg)
+        return TerrainSettings(look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg)
+
+    def look(self) -> TerrainLook:
+        """Its colours and light; raises InputError for what cannot be."""
+        colours = self.colours or ("drape" if self.drape else "hypsometric")
+        interval = _interval(self.contours)
+        return TerrainLook(colours, self.sun_azimuth_deg, self.sun_altitude_deg, contour_interval_m=interval)
 
     @contextmanager
     def draped(self, terrain: Terrain) -> Iterator[Draped | None]:
