@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from limen.data import open as open
     from limen.data.image import Image as Image
     from limen.data.mesh import Mesh as Mesh
+    from limen.data.terrain_file import Terrain as Terrain
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
@@ -29,6 +30,7 @@ _HOMES = {
     "LimenError": "limen.errors",
     "Mesh": "limen.data.mesh",
     "Panel": "limen.display.panel",
+    "Terrain": "limen.data.terrain_file",
     "Tolerance": "limen.tolerance",
     "Viewer": "limen.viewer",
     "open": "limen.data",
@@ -45,6 +47,7 @@ __all__ = [
     "LimenError",
     "Mesh",
     "Panel",
+    "Terrain",
     "Tolerance",
     "Viewer",
     "open",

@@ -332,6 +332,8 @@ def render(
     if scale != 1.0:
         wanted = wanted.scaled(scale)
     opened = content if isinstance(content, Image | Mesh) else open_content(content)
+    if not isinstance(opened, Image | Mesh):
+        raise InputError(f"{content}: is a terrain; images and meshes are drawn")
     with nullcontext(opened) if opened is content or isinstance(opened, Mesh) else opened:
         if isinstance(opened, Mesh):
             if overlay not in (None, "panels") or isinstance(placement, OnSurface | OnShape):

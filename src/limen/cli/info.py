@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import limen.data
+from limen.cli.info_terrain import tell_terrain
 from limen.cli.output import DEFAULT, Common, Output
+from limen.data.elevation_type import is_terrain
 
 __all__ = ["info"]
 
@@ -16,15 +18,22 @@ def info(file: Path, *, common: Common = DEFAULT) -> None:
     Parameters
     ----------
     file
-        An image (pyramidal TIFF, slide, Deep Zoom, or any picture) or a mesh (PLY, OBJ, GLB, STL, ...).
+        An image (pyramidal TIFF, slide, Deep Zoom, or any picture), a mesh (PLY, OBJ, GLB, STL, ...), a raster of
+        heights (GeoTIFF, COG, VRT, HGT, ASC, ...), or the folder of a terrain that was made ready.
     """
     out = Output(common)
+    if is_terrain(file):
+        folder = file.suffix.lower() == ".terrain"
+        described = limen.data.Terrain.open(file).info() if folder else limen.data.elevation_info(file)
+        tell_terrain(out, described, _amount(described.bytes))
+        return
     content = limen.data.open(file)
     if isinstance(content, limen.data.Mesh):
         _tell_mesh(out, content.info())
         return
-    with content as image:
-        _tell_image(out, image.info())
+    if isinstance(content, limen.data.Image):
+        with content as image:
+            _tell_image(out, image.info())
 
 
 def _tell_mesh(out: Output, found: limen.data.MeshInfo) -> None:

@@ -1,4 +1,4 @@
-"""``limen ingest``: make an image ready."""
+"""``limen ingest``: make an image or a terrain ready."""
 
 from __future__ import annotations
 
@@ -6,27 +6,53 @@ from pathlib import Path
 
 import limen.data
 from limen.cli.output import DEFAULT, Common, Output
+from limen.data.elevation_type import is_terrain
+from limen.errors import InputError
 
 __all__ = ["ingest"]
 
+_QUALITY, _SUBSAMPLING = 90, "444"
 
-def ingest(src: Path, dst: Path, *, quality: int = 90, subsampling: str = "444", common: Common = DEFAULT) -> None:
-    """Make an image ready: a tiled TIFF with all reduced levels.
+
+def ingest(
+    src: Path,
+    dst: Path,
+    *,
+    quality: int = _QUALITY,
+    subsampling: str = _SUBSAMPLING,
+    band: int | None = None,
+    spacing_m: float | None = None,
+    common: Common = DEFAULT,
+) -> None:
+    """Make an image or a terrain ready: a tiled TIFF with all reduced levels, or a folder with those of heights.
 
     Memory stays bounded for any size. DST appears only when it is complete.
 
     Parameters
     ----------
     src
-        Any image that can be read.
+        Any image that can be read, or a raster of heights (GeoTIFF, COG, VRT, HGT, ASC, ...).
     dst
-        The TIFF to write.
+        What to write: NAME.tif for an image, NAME.terrain for heights.
     quality
-        Of the JPEG tiles, 1 to 100.
+        Of an image's JPEG tiles, 1 to 100.
     subsampling
         Of their colours: 444, 422 or 420.
+    band
+        Which band of the raster holds the heights, from 1.
+    spacing_m
+        Metres between its posts, where the file does not say it or is wrong.
     """
     out = Output(common)
+    if dst.suffix.lower() == ".terrain":
+        if (quality, subsampling) != (_QUALITY, _SUBSAMPLING):
+            raise InputError("--quality and --subsampling are of images; heights are kept exactly")
+        _terrain(out, src, dst, band, spacing_m)
+        return
+    if band is not None or spacing_m is not None:
+        raise InputError(f"--band and --spacing-m are of terrains; name DST so: {dst.with_suffix('.terrain')}")
+    if is_terrain(src):
+        raise InputError(f"{src}: holds heights; to make a terrain of it, name DST so: {dst.with_suffix('.terrain')}")
     with out.progress(f"reading {src.name}", 1000) as step:
         report = limen.data.ingest(
             src, dst, quality=quality, subsampling=subsampling, progress=lambda done: step.to(round(1000 * done))
@@ -35,4 +61,18 @@ def ingest(src: Path, dst: Path, *, quality: int = 90, subsampling: str = "444",
     out.line(
         f"{report.path}: {report.size[0]} x {report.size[1]} texels, {report.pages} pages, {report.bytes:,} bytes, "
         f"in {report.seconds:.1f} s with {report.peak_rss_mib:.0f} MiB"
+    )
+
+
+def _terrain(out: Output, src: Path, dst: Path, band: int | None, spacing_m: float | None) -> None:
+    with out.progress(f"reading {src.name}", 1000) as step:
+        report = limen.data.ingest_terrain(
+            src, dst, band=band, spacing_m=spacing_m, progress=lambda done: step.to(round(1000 * done))
+        )
+    for note in report.notes:
+        out.say(f"{src}: {note}")
+    out.result(report)
+    out.line(
+        f"{report.path}: {report.size[0]} x {report.size[1]} posts, {report.triangles:,} triangles at an error of "
+        f"{report.error_m:.3g} m, {report.bytes:,} bytes, in {report.seconds:.1f} s with {report.peak_rss_mib:.0f} MiB"
     )

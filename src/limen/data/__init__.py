@@ -1,4 +1,4 @@
-"""Reading and making data: images as pages of a pyramid, meshes as triangles.
+"""Reading and making data: images as pages of a pyramid, meshes as triangles, terrains as both.
 
 What is slow to import (Numba for ``ingest`` and ``sample_image``, the image codecs for ``open``) is imported when it
 is first asked for, so that ``import limen.data`` costs next to nothing.
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from limen.data.opening import open_content as open
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
     from limen.data.sample import SampleReport, sample_image
+    from limen.data.terrain_build import TerrainReport, ingest_terrain
+    from limen.data.terrain_file import Terrain
+    from limen.data.terrain_info import TerrainInfo, elevation_info
+    from limen.data.terrain_opening import open_terrain
 
 __all__ = [
     "CONTRAST_OF_BYTE",
@@ -36,9 +40,15 @@ __all__ = [
     "MeshSampleReport",
     "Pyramid",
     "SampleReport",
+    "Terrain",
+    "TerrainInfo",
+    "TerrainReport",
+    "elevation_info",
     "ingest",
+    "ingest_terrain",
     "open",
     "open_mesh",
+    "open_terrain",
     "page_contrast",
     "ripple",
     "sample_image",
@@ -62,9 +72,15 @@ _HOMES = {
     "PAGE": ("pages", "PAGE"),
     "Pyramid": ("pages", "Pyramid"),
     "SampleReport": ("sample", "SampleReport"),
+    "Terrain": ("terrain_file", "Terrain"),
+    "TerrainInfo": ("terrain_info", "TerrainInfo"),
+    "TerrainReport": ("terrain_build", "TerrainReport"),
+    "elevation_info": ("terrain_info", "elevation_info"),
     "ingest": ("build", "ingest"),
+    "ingest_terrain": ("terrain_build", "ingest_terrain"),
     "open": ("opening", "open_content"),
     "open_mesh": ("mesh_file", "open_mesh"),
+    "open_terrain": ("terrain_opening", "open_terrain"),
     "page_contrast": ("contrast", "page_contrast"),
     "ripple": ("mesh_sample", "ripple"),
     "sample_image": ("sample", "sample_image"),

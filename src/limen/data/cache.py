@@ -6,13 +6,13 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["TileCache"]
 
-Texels = NDArray[np.uint8]
+Texels = NDArray[Any]
 
 
 class TileCache:

@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from limen.data.elevation_type import is_terrain
 from limen.data.image import CACHE_BYTES, Image, existing_file, open_image
 from limen.data.mesh import Mesh
 from limen.data.mesh_file import mesh_type, open_mesh
 
+if TYPE_CHECKING:
+    from limen.data.terrain_file import Terrain
+
 __all__ = ["open_content"]
 
 
-def open_content(path: str | Path, *, cache_bytes: int = CACHE_BYTES) -> Image | Mesh:
-    """Open a file as what it is: an image, with ``cache_bytes`` for its decoded tiles, or a mesh.
+def open_content(
+    path: str | Path, *, cache_bytes: int = CACHE_BYTES, progress: Callable[[float], None] | None = None
+) -> Image | Mesh | Terrain:
+    """Open a file as what it is: an image, with ``cache_bytes`` for its decoded tiles, a mesh, or a terrain.
+
+    A raster of heights of up to 64 million posts is made ready in the cache when it is first opened; ``progress`` is
+    called with the fraction done, 0 ... 1.
 
     Raises
     ------
     MissingFileError
         If there is no such file.
     FormatError
-        If it is neither, cut short, or so large that it wants ``limen ingest`` first.
+        If it is none of these, cut short, or so large that it wants ``limen ingest`` first.
     """
+    if is_terrain(path):
+        from limen.data.terrain_opening import open_terrain  # GDAL, Zarr and Numba take a second
+
+        return open_terrain(path, progress=progress)
     path = existing_file(path)
     return open_image(path, cache_bytes=cache_bytes) if mesh_type(path) is None else open_mesh(path)

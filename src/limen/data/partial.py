@@ -1,17 +1,18 @@
-"""A file that is either complete or not there."""
+"""A file, or a folder, that is either complete or not there."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import os
+import shutil
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
 from limen.errors import LimenError, MissingFileError, StorageError
 
-__all__ = ["PartialFile", "is_disk_full", "write_bytes"]
+__all__ = ["PartialFile", "PartialFolder", "is_disk_full", "write_bytes"]
 
 
 def is_disk_full(error: OSError) -> bool:
@@ -89,3 +90,48 @@ class PartialFile:
                 os.fsync(handle)
         finally:
             os.close(handle)
+
+
+class PartialFolder:
+    """``with PartialFolder(path) as folder:`` fills a folder beside ``path`` and moves it there at the end.
+
+    Whatever goes wrong in between leaves nothing behind, and an older folder at ``path`` as it was. The caller has
+    checked that an older one may be replaced. MissingFileError if the parent does not exist, StorageError if it cannot
+    be written to.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
+
+    def __enter__(self) -> Path:
+        if not self.path.parent.is_dir():
+            raise MissingFileError(f"{self.path}: the folder {self.path.parent} does not exist; make it first")
+        shutil.rmtree(self.partial, ignore_errors=True)
+        try:
+            self.partial.mkdir()
+        except OSError as error:
+            raise StorageError(f"{self.path}: cannot be written: {error.strerror}") from error
+        return self.partial
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self._move()
+        finally:
+            shutil.rmtree(self.partial, ignore_errors=True)
+
+    def _move(self) -> None:
+        """A folder that is not empty cannot be replaced at once, so for a moment there is none at ``path``."""
+        old = self.path.with_name(f".{self.path.name}.old-{os.getpid()}")
+        try:
+            if self.path.exists():
+                self.path.replace(old)
+            self.partial.replace(self.path)
+        except OSError as error:
+            if old.exists() and not self.path.exists():
+                old.replace(self.path)
+            raise StorageError(f"{self.path}: cannot be put in place: {error.strerror}") from error
+        shutil.rmtree(old, ignore_errors=True)

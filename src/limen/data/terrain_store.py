@@ -1,0 +1,157 @@
+"""What lies in a folder ``NAME.terrain``: a Zarr v3 group that other programs can read, too.
+
+============================  ====================================================================================
+``posts/heights``             (rows, columns) int16 or float32: every height in metres, voids filled
+``posts/void``                (rows, columns) bool; only if there are voids
+``relief/L``, ``heights/L``   (rows, columns of pages, 264, 264, 4) uint8: pages of level L with their gutters
+``nodes/*``, ``patches/*``    the tables of `limen.data.terrain`
+``places/*``                  where each patch lies in the chunks
+``chunks/posts``              (chunk, vertex, 2) uint16: column and row from the node's first post
+``chunks/heights``            (chunk, vertex): their heights, as ``posts/heights`` has them
+``chunks/triangles``          (chunk, triangle, 3) uint16: vertices of the patch; cores, then rims
+============================  ====================================================================================
+
+A patch lies in one chunk; a chunk holds patches of about one error, in Morton order, so what is wanted together is
+read together. Patches of error 0 hold every post of their node and are not stored. The group's attribute ``limen`` is
+a `Header`. ``files.json`` lists all other files with their sizes: a copy that is not complete is found out when opened.
+Every chunk ends with a checksum (CRC-32C).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import zarr
+from zarr.codecs import BloscCodec, Crc32cCodec
+
+from limen.data.pages import GUTTER, PAGE, Pyramid
+
+__all__ = [
+    "BLOCK",
+    "CHUNKS_A_SHARD",
+    "CHUNK_TRIANGLES",
+    "CHUNK_VERTICES",
+    "EDGE",
+    "FILES",
+    "KINDS",
+    "POSTS_A_CHUNK",
+    "VERSION",
+    "Header",
+    "Source",
+    "create_chunks",
+    "create_pages",
+    "create_posts",
+    "create_table",
+    "list_files",
+]
+
+VERSION = 1
+FILES = "files.json"
+
+BLOCK = 4096
+"""Posts along the edge of a block: a root of the quadtree, a shard of pages, and a shard of heights."""
+
+EDGE = PAGE + 2 * GUTTER
+KINDS = ("relief", "heights")
+
+CHUNK_VERTICES = 1 << 16
+CHUNK_TRIANGLES = 2 * CHUNK_VERTICES
+"""A triangulation has fewer than two triangles a vertex."""
+
+_PAGES_A_SHARD = BLOCK // PAGE
+POSTS_A_CHUNK = 512
+CHUNKS_A_SHARD = 16
+
+
+class Source(msgspec.Struct, frozen=True, kw_only=True):
+    """The file that a terrain was made from, and how it was read."""
+
+    name: str
+    bytes: int
+    mtime_ns: int
+    format: str
+    band: int
+    exact: bool
+    notes: tuple[str, ...]
+
+
+class Header(msgspec.Struct, frozen=True, kw_only=True):
+    """What is said of the whole terrain; lengths in metres.
+
+    ``low_m`` and ``high_m`` are what the lowest and the highest code of heights' pages stand for, and hold all posts
+    between them; ``height_range_m`` is the lowest and highest post. ``errors_m`` is the ladder. ``transform`` maps
+    column and row of pixels' corners to coordinates in ``crs`` (WKT).
+    """
+
+    version: int = VERSION
+    size_posts: tuple[int, int]
+    spacing_m: tuple[float, float]
+    crs: str
+    transform: tuple[float, ...] | None
+    low_m: float
+    high_m: float
+    height_range_m: tuple[float, float]
+    void_share: float
+    errors_m: tuple[float, ...]
+    roots: int
+    source: Source
+
+
+def _codecs(item_bytes: int) -> list[Any]:
+    """Bytes of equal weight side by side, then Zstandard: what differs little from post to post becomes small."""
+    return [BloscCodec(typesize=item_bytes, cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()]
+
+
+def _create(group: zarr.Group, name: str, shape: Any, dtype: Any, chunks: Any, shards: Any, item_bytes: int) -> Any:
+    return group.create_array(
+        name,
+        shape=shape,
+        dtype=dtype,
+        chunks=chunks,
+        shards=shards,
+        compressors=_codecs(item_bytes),
+        fill_value=0,
+        # An absent chunk would read as zeros: as if there were data.
+        config={"write_empty_chunks": True},
+    )
+
+
+def create_posts(group: zarr.Group, size_posts: tuple[int, int], dtype: Any, name: str = "posts/heights") -> Any:
+    chunk, shard = (POSTS_A_CHUNK,) * 2, (BLOCK,) * 2
+    return _create(group, name, size_posts[::-1], dtype, chunk, shard, dtype.itemsize)
+
+
+def create_pages(group: zarr.Group, kind: str, pyramid: Pyramid) -> list[Any]:
+    """One array a level."""
+    page = (EDGE, EDGE, 4)
+    shard = (_PAGES_A_SHARD, _PAGES_A_SHARD, *page)
+    return [
+        _create(group, f"{kind}/{number}", (level.rows, level.columns, *page), "uint8", (1, 1, *page), shard, 4)
+        for number, level in enumerate(pyramid.levels)
+    ]
+
+
+def create_chunks(group: zarr.Group, heights_dtype: Any) -> dict[str, Any]:
+    """Arrays without any chunk yet, to be resized."""
+    tails: dict[str, tuple[tuple[int, ...], Any, int]] = {
+        "posts": ((CHUNK_VERTICES, 2), "uint16", 4),
+        "heights": ((CHUNK_VERTICES,), heights_dtype, heights_dtype.itemsize),
+        "triangles": ((CHUNK_TRIANGLES, 3), "uint16", 2),
+    }
+    return {
+        name: _create(group, f"chunks/{name}", (0, *tail), dtype, (1, *tail), (CHUNKS_A_SHARD, *tail), item_bytes)
+        for name, (tail, dtype, item_bytes) in tails.items()
+    }
+
+
+def create_table(group: zarr.Group, name: str, table: Any) -> None:
+    array = _create(group, name, table.shape, table.dtype, table.shape, None, table.dtype.itemsize)
+    array[...] = table
+
+
+def list_files(folder: Path) -> dict[str, int]:
+    """Every file below ``folder`` but the list itself, and its size in bytes."""
+    files = (path for path in folder.rglob("*") if path.is_file() and path.name != FILES)
+    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
