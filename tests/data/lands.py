@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -130,12 +131,12 @@ class GridLand:
         node, step = self.patch_of[patch]
         return grid_patch(self.heights_m, self.rects[node], step, self.first_post)
 
-    @property
+    @cached_property
     def relief(self) -> RasterPages:
         normals = normals_of(self.heights_m, self.spacing_m)
         return RasterPages(page_levels(normals, ~self.void, lambda n: np.rint(n * 127.5 + 127.5).astype(np.uint8)))
 
-    @property
+    @cached_property
     def heights(self) -> RasterPages:
         share = (self.heights_m.astype(float) - self.low_m) / max(self.high_m - self.low_m, 1e-9)
         return RasterPages(page_levels(share[..., None], ~self.void, height_code))
@@ -153,20 +154,24 @@ def grid_patch(heights: Any, rect: tuple[int, int, int, int], step: int, first_p
     row, column = np.mgrid[top : bottom + 1 : step, left : right + 1 : step]
     posts = np.stack([column, row], axis=-1).reshape(-1, 2)
     number = np.arange(len(posts)).reshape(cells + 1, cells + 1)
-    core, rims, sides = [], [], []
-    for i in range(cells):
-        for j in range(cells):
-            a, b, c, d = number[i, j], number[i, j + 1], number[i + 1, j + 1], number[i + 1, j]
-            falling = (i, j) in ((0, 0), (cells - 1, cells - 1)) or (
-                (i, j) not in ((0, cells - 1), (cells - 1, 0)) and (i + j) % 2 == 0
-            )
-            for triangle in ((a, d, c), (a, c, b)) if falling else ((a, d, b), (b, d, c)):
-                side = _border_of(triangle, number) if step > 1 else None
-                if side is None:
-                    core.append(triangle)
-                else:
-                    rims.append(side[1])
-                    sides.append(side[0])
+    i, j = np.mgrid[:cells, :cells]
+    last = cells - 1
+    falling = (i + j) % 2 == 0
+    falling[0, 0] = falling[last, last] = True
+    falling[0, last] = falling[last, 0] = False
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    one = np.where(falling[..., None], np.stack([a, d, c], axis=-1), np.stack([a, d, b], axis=-1))
+    two = np.where(falling[..., None], np.stack([a, c, b], axis=-1), np.stack([b, d, c], axis=-1))
+    on_border = ((i == 0) | (j == 0) | (i == last) | (j == last)) & (step > 1)
+    core = list(np.concatenate([one[~on_border], two[~on_border]]))
+    rims, sides = [], []
+    for triangle in np.concatenate([one[on_border], two[on_border]]).tolist():
+        side = _border_of(triangle, cells)
+        if side is None:
+            core.append(triangle)
+        else:
+            rims.append(side[1])
+            sides.append(side[0])
     borders = number[0], number[:, -1], number[-1], number[:, 0]
     return Patch(
         (posts + np.array(first_post)).astype(np.int32), heights[posts[:, 1], posts[:, 0]],
@@ -175,9 +180,9 @@ def grid_patch(heights: Any, rect: tuple[int, int, int, int], step: int, first_p
     )  # fmt: skip
 
 
-def _border_of(triangle: tuple[int, int, int], number: Any) -> tuple[int, tuple[int, int, int]] | None:
-    last = len(number) - 1
-    at = [divmod(int(vertex), last + 1) for vertex in triangle]
+def _border_of(triangle: list[int], last: int) -> tuple[int, tuple[int, int, int]] | None:
+    """The side on which a triangle has an edge, and the triangle with its apex first; vertices are numbered by rows."""
+    at = [divmod(vertex, last + 1) for vertex in triangle]
     for k in range(3):
         (r0, c0), (r1, c1) = at[(k + 1) % 3], at[(k + 2) % 3]
         for side, on in enumerate((r0 == r1 == 0, c0 == c1 == last, r0 == r1 == last, c0 == c1 == 0)):

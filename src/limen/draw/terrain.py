@@ -1,0 +1,413 @@
+"""Draws a terrain into a quilt: every panel a window onto patches of its own fineness, coloured from pages.
+
+References
+----------
+Garland, Heckbert 1995, *Fast Polygonal Approximation of Terrains and Height Fields* (what the patches are).
+Heckbert 1983, *Texture Mapping Polygons in Perspective* (the level by the larger side of a pixel's footprint).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+import wgpu
+from numpy.typing import NDArray
+
+from limen.data.pages import Pyramid
+from limen.data.terrain import PatchSource
+from limen.draw import terrain_records as records
+from limen.draw.records import page_table
+from limen.draw.terrain_look import TerrainLook, contour_interval_m
+from limen.errors import DeviceLimitError
+from limen.geometry import Floats
+from limen.gpu.buffers import GrowingBuffer
+from limen.gpu.device import Device
+from limen.gpu.pool import PagePool
+from limen.gpu.shader import load_shader
+from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
+from limen.patch_stream import PatchPlaces, PatchUpload
+from limen.stream import PageSource, PageTable
+from limen.view import Windows
+
+__all__ = ["Drape", "Ground", "PageTables", "PanelPatches", "Rims", "TerrainLayer", "TerrainOverlay"]
+
+TerrainOverlay: TypeAlias = Literal["panels", "patches"]
+
+_OVERLAYS: dict[TerrainOverlay | None, int] = {None: 0, "panels": 1, "patches": 2}
+_COLOURS = {"hypsometric": 0, "plain": 1, "drape": 2}
+_NUMBERS = {
+    "terrain": 0, "views": 1, "sources": 2, "table": 3, "relief_pool": 4, "heights_pool": 5, "drape_pool": 6,
+    "bilinear": 7,
+}  # fmt: skip
+_POST_CENTRES = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
+"""Texel (i, j) of relief and heights is post (i, j), and its centre lies half a texel further."""
+
+
+class Ground(PatchSource, Protocol):
+    """What is asked of a terrain here; `limen.Terrain` is one."""
+
+    @property
+    def size_posts(self) -> tuple[int, int]: ...
+    @property
+    def spacing_m(self) -> tuple[float, float]: ...
+    @property
+    def low_m(self) -> float: ...
+    @property
+    def high_m(self) -> float: ...
+    @property
+    def relief(self) -> PageSource: ...
+    @property
+    def heights(self) -> PageSource: ...
+
+
+class PanelPatches(Protocol):
+    """Which patch is drawn on which panel, sorted by panel; a selector's cut is one."""
+
+    @property
+    def pair_panel(self) -> NDArray[np.int64]: ...
+    @property
+    def pair_patch(self) -> NDArray[np.int64]: ...
+
+
+class Rims(NamedTuple):
+    """Triangles that join the patches of each panel: vertices by their numbers in the whole vertex buffer."""
+
+    indices: NDArray[np.uint32]  # (K,)
+    panel_first: NDArray[np.int64]  # (N + 1,): where each panel's begin
+
+
+class PageTables(NamedTuple):
+    """What is resident of every page source, as `limen.stream.Stream.table` gives it."""
+
+    relief: PageTable
+    heights: PageTable
+    drape: PageTable | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drape:
+    """An image that lies over the terrain.
+
+    Parameters
+    ----------
+    texel_from_post
+        Affine, shape (2, 3): where the image is at post (column, row), in texels from its top left corner.
+    """
+
+    pyramid: Pyramid
+    pool: PagePool
+    texel_from_post: Floats
+
+
+class TerrainLayer:
+    """One terrain on one display.
+
+    Parameters
+    ----------
+    relief, heights
+        Pools of `rgba8unorm` for the terrain's pages.
+    vertex_capacity, index_capacity
+        Those of the `limen.patch_stream.PatchStream` whose uploads are written.
+    background
+        Linear light (red, green, blue) where nothing is drawn.
+    clip
+        Clip by distances where the adapter can; False cuts in the fragment stage, with the same picture.
+
+    Raises
+    ------
+    DeviceLimitError
+        If the adapter cannot hold so many vertices or indices in one buffer.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        ground: Ground,
+        *,
+        relief: PagePool,
+        heights: PagePool,
+        drape: Drape | None = None,
+        vertex_capacity: int,
+        index_capacity: int,
+        background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        clip: bool = True,
+    ) -> None:
+        self._device, self._ground, self._drape = device, ground, drape
+        self._pools = {"relief_pool": relief, "heights_pool": heights, "drape_pool": drape.pool if drape else relief}
+        self._background = (*background, 1.0)
+        self._clips = clip and device.can_clip
+        self._fragments = load_shader(device, "limen.draw", "terrain.wgsl")
+        self._vertex_stage = load_shader(device, "limen.draw", "terrain_clip.wgsl") if self._clips else self._fragments
+        usage = wgpu.BufferUsage
+        self._vertices = _buffer(device, "vertices", vertex_capacity * records.VERTEX.itemsize, usage.VERTEX)
+        self._cores = _buffer(device, "core indices", -(-index_capacity // 2) * 4, usage.INDEX)
+        self._rims = GrowingBuffer(device, "rim indices", usage.INDEX)
+        self._buffers = {
+            "terrain": GrowingBuffer(device, "terrain", usage.UNIFORM),
+            "views": GrowingBuffer(device, "views", usage.STORAGE),
+            "sources": GrowingBuffer(device, "sources", usage.UNIFORM),
+            "table": GrowingBuffer(device, "table", usage.STORAGE),
+        }
+        self._tables: PageTables | None = None
+        self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
+        self._layout = self._bind_group_layout()
+        self._pipelines: dict[tuple[Any, ...], Any] = {}
+        self._targets = Targets(device)
+
+    def write(self, uploads: Sequence[PatchUpload]) -> None:
+        """Copy patches to where a stream placed them; drawing submitted before still sees what was there."""
+        queue = self._device.wgpu.queue
+        for patch, content, first_vertex, first_index in uploads:
+            rows = records.vertex_rows(patch, content)
+            queue.write_buffer(self._vertices, first_vertex * records.VERTEX.itemsize, rows)
+            core = content.core.reshape(-1)
+            if len(core):
+                padded = np.zeros(len(core) + len(core) % 2, np.uint16)  # copies have a multiple of 4 bytes
+                padded[: len(core)] = core
+                queue.write_buffer(self._cores, first_index * 2, padded)
+
+    def draw(
+        self,
+        windows: Windows,
+        eyes_m: Floats,
+        room_from_posts: Floats,
+        cut: PanelPatches,
+        places: PatchPlaces,
+        rims: Rims,
+        *,
+        pages: PageTables,
+        allowed_px: Floats,
+        look: TerrainLook,
+        overlay: TerrainOverlay | None = None,
+        tints: NDArray[np.float32] | None = None,
+        target: Any = None,
+        target_format: str = QUILT_FORMAT,
+        slot: int = 0,
+    ) -> Any:
+        """Draw the patches of a cut, one draw for each pair of a patch and a panel and one for each panel's rims.
+
+        Parameters
+        ----------
+        windows
+            The panels of one quilt, with as many copies as there are eyes.
+        eyes_m
+            Shape (E, 3) in the room, one eye or two; the second is drawn to the right of the first.
+        room_from_posts
+            Affine map from (column, row, height in metres) to the room, metres: shape (4, 4).
+        cut
+            Panels are numbered as in the quilt; all patches must be resident.
+        places
+            Of the stream whose uploads were written.
+        rims
+            The triangles between the cut's patches.
+        pages
+            Copied to the GPU only when it is another object than last time.
+        allowed_px
+            The largest invisible error of each panel, in pixels: pages are drawn so much coarser. Shape (N,).
+        overlay
+            ``panels`` lays ``tints`` over every panel (see `limen.draw.terrain_look.panel_tints`). ``patches`` shows
+            every triangle flat and every patch in a hue of its own.
+        target
+            A texture view to draw into (a window's), of ``target_format`` and the quilt's size for all eyes.
+        slot
+            Quilts of one size are drawn over each other, unless they are given numbers of their own.
+
+        Returns
+        -------
+        texture
+            Valid until the next draw of a quilt of the same size and slot; ``None`` with a ``target``.
+
+        Raises
+        ------
+        ValueError
+            If a patch of the cut is not resident, or the numbers of eyes and panels do not go together.
+        """
+        eyes_m = np.asarray(eyes_m, dtype=float).reshape(-1, 3)
+        if windows.copies != len(eyes_m):
+            raise ValueError(f"windows for {windows.copies} eyes were given {len(eyes_m)}")
+        if not places.resident[cut.pair_patch].all():
+            raise ValueError("a patch of the cut is not resident")
+        facing = self._write_frame(
+            windows, eyes_m, np.asarray(room_from_posts, dtype=float), cut, allowed_px, look,
+            tints if overlay == "panels" else None,
+        )  # fmt: skip
+        self._write_pages(pages)
+        self._rims.write(rims.indices)
+        size = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
+        texture = None if target is not None else self._targets.texture(size, target_format, slot)
+        encoder = self._device.wgpu.create_command_encoder(label="terrain")
+        render_pass = self._begin(encoder, texture.create_view() if texture is not None else target, size)
+        render_pass.set_pipeline(self._pipeline(target_format, look, overlay))
+        render_pass.set_bind_group(0, self._group())
+        render_pass.set_vertex_buffer(0, self._vertices)
+        self._record(render_pass, windows, facing, cut, places, rims)
+        render_pass.end()
+        self._device.wgpu.queue.submit([encoder.finish()])
+        return texture
+
+    def read(self, texture: Any) -> NDArray[np.uint8]:
+        """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
+        return self._targets.read(texture)
+
+    def read_depth(self, windows: Windows) -> NDArray[np.float32]:
+        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits.
+
+        Raises
+        ------
+        DeviceLimitError
+            On OpenGL, which does not give depth away.
+        """
+        return self._targets.read_depth((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]))
+
+    def destroy(self) -> None:
+        """Free everything but the pools."""
+        for buffer in (self._vertices, self._cores, self._rims, *self._buffers.values()):
+            buffer.destroy()
+        self._targets.destroy()
+        self._pipelines.clear()
+
+    # ------------------------------------------------------------------ steps of a draw
+
+    def _write_frame(
+        self, windows: Windows, eyes_m: Floats, room_from_posts: Floats, cut: PanelPatches, allowed_px: Floats,
+        look: TerrainLook, tints: NDArray[np.float32] | None,
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Hand over what all fragments of a frame have in common; returns which panels each eye is before, (E, N)."""
+        ground = self._ground
+        origin = records.origin_near(eyes_m[0], room_from_posts, ground.size_posts)
+        chosen = np.unique(ground.patches.node[cut.pair_patch]).astype(np.int64)
+        near = [records.nearest_m(ground.nodes, chosen, room_from_posts, eye) for eye in eyes_m]
+        views = [windows.seen_from(eye, copy, near[copy]) for copy, eye in enumerate(eyes_m)]
+        low_high = ground.low_m, ground.high_m
+        buffers = self._buffers
+        buffers["terrain"].write(records.terrain_row(look, origin, room_from_posts, ground.spacing_m, low_high))
+        buffers["views"].write(records.view_rows(views, room_from_posts, origin, allowed_px, tints))
+        self._origin = origin
+        return np.array([view.facing for view in views])
+
+    def _write_pages(self, pages: PageTables) -> None:
+        ground, drape = self._ground, self._drape
+        tables = [pages.relief, pages.heights, pages.relief if drape is None else pages.drape]
+        if any(table is None for table in tables):
+            raise ValueError("a terrain with a drape is drawn with the drape's pages")
+        if pages is not self._tables:
+            self._buffers["table"].write(np.concatenate([page_table(table) for table in tables if table is not None]))
+            self._tables = pages
+        pyramids = [ground.relief.pyramid, ground.heights.pyramid, drape.pyramid if drape else ground.relief.pyramid]
+        maps = [_POST_CENTRES, _POST_CENTRES, drape.texel_from_post if drape else _POST_CENTRES]
+        rows, first = [], 0
+        for pyramid, table, pool, texel_from_post in zip(pyramids, tables, self._pools.values(), maps, strict=True):
+            assert table is not None
+            ready = bool(table.slot[-1] >= 0)
+            rows.append(
+                records.source_row(pyramid, (pool.columns, pool.rows), first, texel_from_post, self._origin, ready)
+            )
+            first += pyramid.page_count
+        self._buffers["sources"].write(np.concatenate(rows))
+
+    def _begin(self, encoder: Any, view: Any, size_px: tuple[int, int]) -> Any:
+        depth_view = self._targets.texture(size_px, DEPTH_FORMAT).create_view()
+        return encoder.begin_render_pass(
+            color_attachments=[
+                {"view": view, "clear_value": self._background, "load_op": "clear", "store_op": "store"}
+            ],
+            depth_stencil_attachment={
+                "view": depth_view, "depth_clear_value": 0.0, "depth_load_op": "clear", "depth_store_op": "store",
+            },
+        )  # fmt: skip
+
+    def _record(
+        self, render_pass: Any, windows: Windows, facing: NDArray[np.bool_], cut: PanelPatches, places: PatchPlaces,
+        rims: Rims,
+    ) -> None:  # fmt: skip
+        count = facing.shape[1]
+        pair_first = np.searchsorted(cut.pair_panel, np.arange(count + 1)).tolist()
+        patches = cut.pair_patch
+        cores = list(
+            zip(
+                places.core_indices[patches].tolist(),
+                places.first_index[patches].tolist(),
+                places.first_vertex[patches].tolist(),
+                strict=True,
+            )
+        )
+        bounds, rim_first = windows.bounds_px.tolist(), rims.panel_first.tolist()
+        for index, sized in ((self._cores, "uint16"), (self._rims.buffer, "uint32")):
+            render_pass.set_index_buffer(index, sized)
+            for eye, panel in np.argwhere(facing).tolist():
+                left, top, right, bottom = bounds[panel]
+                view = eye * count + panel
+                pairs = cores[pair_first[panel] : pair_first[panel + 1]]
+                if not pairs or right <= left or bottom <= top:
+                    continue
+                shift = eye * windows.quilt.size_px[0]
+                render_pass.set_scissor_rect(left + shift, top, right - left, bottom - top)
+                if sized == "uint16":
+                    for indices, first_index, first_vertex in pairs:
+                        if indices:
+                            render_pass.draw_indexed(indices, 1, first_index, first_vertex, view)
+                elif rim_first[panel + 1] > rim_first[panel]:
+                    begin = rim_first[panel]
+                    render_pass.draw_indexed(rim_first[panel + 1] - begin, 1, begin, 0, view)
+
+    def _group(self) -> Any:
+        resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()}
+        resources |= {name: pool.texels for name, pool in self._pools.items()} | {"bilinear": self._sampler}
+        entries = [{"binding": number, "resource": resources[name]} for name, number in _NUMBERS.items()]
+        return self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
+
+    def _bind_group_layout(self) -> Any:
+        texture = {"texture": {"sample_type": "float", "view_dimension": "2d-array"}}
+        uniform, storage = {"buffer": {"type": "uniform"}}, {"buffer": {"type": "read-only-storage"}}
+        kinds: dict[str, dict[str, Any]] = {
+            "terrain": uniform, "views": storage, "sources": uniform, "table": storage,
+            "relief_pool": texture, "heights_pool": texture, "drape_pool": texture,
+            "bilinear": {"sampler": {"type": "filtering"}},
+        }  # fmt: skip
+        both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
+        return self._device.wgpu.create_bind_group_layout(
+            entries=[{"binding": number, "visibility": both, **kinds[name]} for name, number in _NUMBERS.items()]
+        )
+
+    def _pipeline(self, target_format: str, look: TerrainLook, overlay: TerrainOverlay | None) -> Any:
+        contours = contour_interval_m(look, self._ground.low_m, self._ground.high_m) > 0
+        key = (target_format, look.colours, contours, overlay)
+        if key not in self._pipelines:
+            constants = {
+                "COLOURS": _COLOURS[look.colours], "CONTOURS": int(contours), "OVERLAY": _OVERLAYS[overlay],
+            }  # fmt: skip
+            self._pipelines[key] = self._device.wgpu.create_render_pipeline(
+                label="terrain",
+                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+                vertex={"module": self._vertex_stage, "entry_point": "vertex", "buffers": [_VERTEX_LAYOUT]},
+                primitive={"topology": "triangle-list"},
+                depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"},
+                fragment={
+                    "module": self._fragments,
+                    "entry_point": "picture" if self._clips else "cut_picture",
+                    "constants": constants,
+                    "targets": [{"format": target_format}],
+                },
+            )
+        return self._pipelines[key]
+
+
+_VERTEX_LAYOUT = {
+    "array_stride": records.VERTEX.itemsize,
+    "attributes": [
+        {"format": "uint32x2", "offset": 0, "shader_location": 0},
+        {"format": "float32", "offset": 8, "shader_location": 1},
+        {"format": "uint32", "offset": 12, "shader_location": 2},
+    ],
+}
+
+
+def _buffer(device: Device, label: str, size: int, usage: int) -> Any:
+    try:
+        return device.wgpu.create_buffer(label=label, size=size, usage=usage | wgpu.BufferUsage.COPY_DST)
+    except wgpu.GPUError as error:
+        reason = " ".join(str(error).split())
+        raise DeviceLimitError(f"{label}: the adapter refused {size / 1e6:.0f} MB, give it less: {reason}") from None

@@ -1,0 +1,340 @@
+// Draws a terrain's patches on panels: geometry from vertices, colours from pages, for every pixel at its own level.
+//
+// Vertices are whole posts, counted from a post near the eye, so that nothing jitters far from the raster's corner. What
+// lies outside a panel's outline and guard band is cut away in the fragment stage; terrain_clip.wgsl has the vertex stage
+// for adapters that clip by distances, which are spared it.
+
+// 0: by height. 1: one grey. 2: the image that lies over the terrain.
+override COLOURS: u32 = 0u;
+override CONTOURS: bool = false;
+// 0: the picture. 1: every panel in its tint. 2: every triangle flat, every patch in a hue of its own.
+override OVERLAY: u32 = 0u;
+
+const PAGE: f32 = 256.0;
+const GUTTER: f32 = 4.0;
+const SIDE: f32 = 264.0;
+const PAGE_BITS: u32 = 8u;
+const RELIEF: u32 = 0u;
+const HEIGHTS: u32 = 1u;
+const DRAPE: u32 = 2u;
+const LAST_TINT: f32 = 18.0;
+const GREY = vec3<f32>(0.6, 0.58, 0.55);
+const CONTOUR = vec3<f32>(0.09, 0.04, 0.012);
+
+struct Terrain {
+    origin_post: vec2<i32>,
+    origin_height_m: f32,
+    exaggeration: f32,
+    spacing_m: vec2<f32>,
+    low_m: f32,
+    range_m: f32,
+    tint_from_m: f32,
+    tints_per_m: f32,
+    sea_level_m: f32,
+    contour_interval_m: f32,
+    // Toward the sun (east, north, up); share of light that comes from everywhere.
+    sun: vec4<f32>,
+    sea: vec4<f32>,
+    ramp: array<vec4<f32>, 20>,
+}
+
+struct TerrainView {
+    // Linear forms of (column, row, height, 1), counted from the origin.
+    x: vec4<f32>,
+    y: vec4<f32>,
+    w: vec4<f32>,
+    edges: array<vec4<f32>, 8>,
+    tint: vec4<f32>,
+    near: f32,
+    // log2 of the pixels that detail may be lost over.
+    tolerance_log2: f32,
+    padding: vec2<u32>,
+}
+
+// Pages of one raster or image.
+struct Source {
+    // Two rows: texels along x and y for a step of one column, one row.
+    texel_from_post: vec4<f32>,
+    // The origin post's texel: whole, and the rest.
+    offset: vec2<f32>,
+    origin: vec2<i32>,
+    size_px: vec2<i32>,
+    pool_columns: u32,
+    pool_rows: u32,
+    top: u32,
+    // 0 until the coarsest page is there; from then on every page has one to stand for it.
+    ready: u32,
+    padding: vec2<u32>,
+    // Columns, rows, and the table's entry of the first page.
+    levels: array<vec4<u32>, 24>,
+}
+
+struct Vertex {
+    @location(0) post: vec2<u32>,
+    @location(1) height_m: f32,
+    @location(2) patch_number: u32,
+}
+
+struct Varyings {
+    @builtin(position) position: vec4<f32>,
+    // Column, row and height, counted from the origin.
+    @location(0) place: vec3<f32>,
+    @location(1) @interpolate(flat) tint: vec4<f32>,
+    @location(2) @interpolate(flat) tolerance_log2: f32,
+    @location(3) @interpolate(flat) patch_number: u32,
+    // Pixels inside the first and the last four edges, times w.
+    @location(4) inside: vec4<f32>,
+    @location(5) inside_too: vec4<f32>,
+}
+
+struct Shaded {
+    @location(0) place: vec3<f32>,
+    @location(1) @interpolate(flat) tint: vec4<f32>,
+    @location(2) @interpolate(flat) tolerance_log2: f32,
+    @location(3) @interpolate(flat) patch_number: u32,
+}
+
+@group(0) @binding(0) var<uniform> terrain: Terrain;
+@group(0) @binding(1) var<storage, read> views: array<TerrainView>;
+@group(0) @binding(2) var<uniform> sources: array<Source, 3>;
+// Per page of all sources: slot << 12 | faded in (of 127) << 5 | levels coarser.
+@group(0) @binding(3) var<storage, read> table: array<u32>;
+@group(0) @binding(4) var relief_pool: texture_2d_array<f32>;
+@group(0) @binding(5) var heights_pool: texture_2d_array<f32>;
+@group(0) @binding(6) var drape_pool: texture_2d_array<f32>;
+@group(0) @binding(7) var bilinear: sampler;
+
+// ---------------------------------------------------------------- geometry
+
+@vertex
+fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> Varyings {
+    let post = vec2<f32>(vec2<i32>(in.post) - terrain.origin_post);
+    let place = vec4(post, in.height_m - terrain.origin_height_m, 1.0);
+    var out: Varyings;
+    out.position = vec4(
+        dot(views[view].x, place), dot(views[view].y, place), views[view].near, dot(views[view].w, place)
+    );
+    for (var k = 0u; k < 4u; k++) {
+        out.inside[k] = dot(views[view].edges[k], place);
+        out.inside_too[k] = dot(views[view].edges[k + 4u], place);
+    }
+    out.place = place.xyz;
+    out.tint = views[view].tint;
+    out.tolerance_log2 = views[view].tolerance_log2;
+    out.patch_number = in.patch_number;
+    return out;
+}
+
+// ---------------------------------------------------------------- pages
+
+struct Slot {
+    corner: vec2<f32>,
+    layer: i32,
+}
+
+fn place_of_slot(source: u32, slot: u32) -> Slot {
+    let columns = sources[source].pool_columns;
+    let per_layer = columns * sources[source].pool_rows;
+    let inside = slot % per_layer;
+    let cell = vec2<f32>(f32(inside % columns), f32(inside / columns));
+    return Slot(cell * SIDE + GUTTER, i32(slot / per_layer));
+}
+
+fn per_texel(source: u32) -> vec2<f32> {
+    return 1.0 / (vec2<f32>(f32(sources[source].pool_columns), f32(sources[source].pool_rows)) * SIDE);
+}
+
+// The share of heights' range, and of valid posts. Decoded before texels are blended: samplers blend bytes to some 8 bits,
+// where the height has 24.
+fn height_at(slot: Slot, texel: vec2<f32>) -> vec2<f32> {
+    let first = floor(texel - 0.5);
+    let behind = texel - 0.5 - first;
+    let at = vec2<i32>(slot.corner + first);
+    var rows = array<vec2<f32>, 2>();
+    for (var k = 0; k < 2; k++) {
+        let left = textureLoad(heights_pool, at + vec2<i32>(0, k), slot.layer, 0);
+        let right = textureLoad(heights_pool, at + vec2<i32>(1, k), slot.layer, 0);
+        rows[k] = mix(height_of(left), height_of(right), behind.x);
+    }
+    return mix(rows[0], rows[1], behind.y);
+}
+
+fn height_of(texel: vec4<f32>) -> vec2<f32> {
+    let code = dot(round(texel.rgb * 255.0), vec3<f32>(65536.0, 256.0, 1.0));
+    return vec2<f32>(code / 16777215.0, texel.a);
+}
+
+fn texel_at(source: u32, slot: u32, texel: vec2<f32>) -> vec4<f32> {
+    let place = place_of_slot(source, slot);
+    // At a page's rim the sampler reads half a texel farther, which the gutter holds.
+    let inside = clamp(texel, vec2<f32>(1.0 - GUTTER), vec2<f32>(PAGE + GUTTER - 1.0));
+    if source == HEIGHTS {
+        let height = height_at(place, inside);
+        return vec4<f32>(height.x, 0.0, 0.0, height.y);
+    }
+    let at = (place.corner + inside) * per_texel(source);
+    if source == RELIEF {
+        return textureSampleLevel(relief_pool, bilinear, at, place.layer, 0.0);
+    }
+    return textureSampleLevel(drape_pool, bilinear, at, place.layer, 0.0);
+}
+
+// What pages of one level show at a place, which is counted in texels of full resolution from the source's origin: each
+// page as far as it has come and faded in, what is coarser where it has not.
+fn page_light(source: u32, fine: vec2<f32>, first_level: u32) -> vec4<f32> {
+    let whole = sources[source].origin + vec2<i32>(floor(fine));
+    var light = vec4<f32>();
+    var left = 1.0;
+    var level = first_level;
+    while left > 0.0 && level <= sources[source].top {
+        let grid = sources[source].levels[level];
+        let most = vec2<i32>(grid.xy) - 1;
+        let cell = vec2<u32>(clamp(whole >> vec2<u32>(level + PAGE_BITS), vec2<i32>(), most));
+        let entry = table[grid.z + cell.y * grid.x + cell.x];
+        let up = entry & 0x1fu;
+        let shown = level + up;
+        let corner = vec2<i32>((cell >> vec2<u32>(up)) << vec2<u32>(shown + PAGE_BITS));
+        let texel = (vec2<f32>(sources[source].origin - corner) + fine) * exp2(-f32(shown));
+        let fade = f32((entry >> 5u) & 0x7fu) / 127.0;
+        light += left * fade * texel_at(source, entry >> 12u, texel);
+        left *= 1.0 - fade;
+        level = shown + 1u;
+    }
+    return light;
+}
+
+fn texels_from(source: u32, step: vec2<f32>) -> vec2<f32> {
+    let map = sources[source].texel_from_post;
+    return vec2<f32>(dot(map.xy, step), dot(map.zw, step));
+}
+
+// The source at a place, where the larger side of a pixel (Heckbert 1983), and detail that may be lost, ask for a level.
+fn sampled(source: u32, place: vec2<f32>, right: vec2<f32>, down: vec2<f32>, tolerance_log2: f32) -> vec4<f32> {
+    let across = texels_from(source, right);
+    let along = texels_from(source, down);
+    let footprint2 = max(dot(across, across), dot(along, along));
+    let wanted = 0.5 * log2(max(footprint2, 1e-30)) + tolerance_log2;
+    let level = clamp(wanted, 0.0, f32(sources[source].top));
+    let fine = texels_from(source, place) + sources[source].offset;
+    let lower = u32(level);
+    let light = page_light(source, fine, lower);
+    let share = level - f32(lower);
+    if share <= 0.0 {
+        return light;
+    }
+    return mix(light, page_light(source, fine, lower + 1u), share);
+}
+
+fn in_source(source: u32, place: vec2<f32>) -> bool {
+    let texel = texels_from(source, place) + sources[source].offset + vec2<f32>(sources[source].origin);
+    return all(texel >= vec2<f32>()) && all(texel <= vec2<f32>(sources[source].size_px));
+}
+
+// ---------------------------------------------------------------- colours
+
+fn tint_of(height_m: f32) -> vec3<f32> {
+    if height_m <= terrain.sea_level_m {
+        return terrain.sea.rgb;
+    }
+    let at = clamp((height_m - terrain.tint_from_m) * terrain.tints_per_m, 0.0, LAST_TINT);
+    let first = u32(at);
+    return mix(terrain.ramp[first].rgb, terrain.ramp[first + 1u].rgb, at - f32(first));
+}
+
+// How much of a pixel lines at multiples of an interval cover. They fade where they come nearer to each other than 4 px;
+// on a level, which would be one line all over, there is none.
+fn line_share(height_m: f32, interval_m: f32, slope_m_per_px: f32, width_px: f32) -> f32 {
+    let apart_px = interval_m / max(slope_m_per_px, 1e-30);
+    let lines = height_m / interval_m;
+    let away_px = abs(lines - round(lines)) * apart_px;
+    let cover = clamp(0.5 * width_px + 0.5 - away_px, 0.0, 1.0);
+    return select(0.0, cover * smoothstep(4.0, 8.0, apart_px), apart_px < 1e4);
+}
+
+fn contoured(colour: vec3<f32>, height_m: f32, slope_m_per_px: f32) -> vec3<f32> {
+    let interval = terrain.contour_interval_m;
+    let fine = 0.5 * line_share(height_m, interval, slope_m_per_px, 1.2);
+    let fifth = 0.85 * line_share(height_m, 5.0 * interval, slope_m_per_px, 1.8);
+    return mix(colour, CONTOUR, max(fine, fifth));
+}
+
+// Lambert's law, of the terrain as it is exaggerated. The mean of normals is shorter than one where they differ, and its
+// light is the mean of theirs.
+fn lit(normal: vec3<f32>) -> f32 {
+    let stretched = normal / vec3<f32>(1.0, 1.0, terrain.exaggeration);
+    let direction = stretched * (length(normal) / max(length(stretched), 1e-30));
+    return mix(max(dot(direction, terrain.sun.xyz), 0.0), 1.0, terrain.sun.w);
+}
+
+// Of the triangle, from how places change over a pixel: metres east, north and up.
+fn facet(right: vec3<f32>, down: vec3<f32>) -> vec3<f32> {
+    let metric = vec3<f32>(terrain.spacing_m.x, -terrain.spacing_m.y, 1.0);
+    let normal = cross(right * metric, down * metric);
+    return normal * (select(-1.0, 1.0, normal.z >= 0.0) / max(length(normal), 1e-30));
+}
+
+// Hues a golden angle apart, so that neighbours differ.
+fn hue(number: u32) -> vec3<f32> {
+    let turn = fract(f32(number & 0xffffu) * 0.618034) * 6.0;
+    return clamp(
+        abs(vec3(turn - 3.0, 2.0 - abs(turn - 2.0), 2.0 - abs(turn - 4.0))) - vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(1.0)
+    );
+}
+
+// Linear light, and the share of valid posts: less than a half is a hole.
+fn seen(in: Shaded) -> vec4<f32> {
+    let right = dpdx(in.place);
+    let down = dpdy(in.place);
+    let tolerance = in.tolerance_log2;
+    var normal = facet(right, down);
+    var valid = 1.0;
+    if sources[RELIEF].ready != 0u {
+        let relief = sampled(RELIEF, in.place.xy, right.xy, down.xy, tolerance);
+        valid = relief.a;
+        if OVERLAY != 2u {
+            normal = relief.xyz * (255.0 / 127.5) - 1.0;
+        }
+    }
+    var height_m = in.place.z + terrain.origin_height_m;
+    if (COLOURS == 0u || CONTOURS) && sources[HEIGHTS].ready != 0u {
+        let share = sampled(HEIGHTS, in.place.xy, right.xy, down.xy, tolerance).x;
+        height_m = terrain.low_m + share * terrain.range_m;
+    }
+    var colour = GREY;
+    if COLOURS == 0u {
+        colour = tint_of(height_m);
+    }
+    if COLOURS == 2u && sources[DRAPE].ready != 0u && in_source(DRAPE, in.place.xy) {
+        let drape = sampled(DRAPE, in.place.xy, right.xy, down.xy, tolerance);
+        colour = mix(colour, drape.rgb, drape.a);
+    }
+    if OVERLAY == 2u {
+        colour = mix(colour, hue(in.patch_number), 0.35);
+    }
+    colour *= lit(normal);
+    if CONTOURS {
+        colour = contoured(colour, height_m, length(vec2(dpdx(height_m), dpdy(height_m))));
+    }
+    if OVERLAY == 1u {
+        colour = mix(colour, in.tint.rgb * (0.3 + 0.7 * lit(normal)), in.tint.a);
+    }
+    return vec4<f32>(colour, valid);
+}
+
+@fragment
+fn picture(in: Shaded) -> @location(0) vec4<f32> {
+    let light = seen(in);
+    if light.a < 0.5 {
+        discard;
+    }
+    return vec4<f32>(light.rgb, 1.0);
+}
+
+@fragment
+fn cut_picture(in: Varyings) -> @location(0) vec4<f32> {
+    let light = seen(Shaded(in.place, in.tint, in.tolerance_log2, in.patch_number));
+    if light.a < 0.5 || any(min(in.inside, in.inside_too) < vec4(0.0)) {
+        discard;
+    }
+    return vec4<f32>(light.rgb, 1.0);
+}

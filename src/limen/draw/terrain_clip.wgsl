@@ -1,0 +1,70 @@
+// The vertex stage of terrain.wgsl for adapters that clip by distances: what lies outside a panel's outline and guard band
+// never reaches the fragment stage. A file of its own, because a module that names the feature is refused without it.
+
+enable clip_distances;
+
+struct Terrain {
+    origin_post: vec2<i32>,
+    origin_height_m: f32,
+    exaggeration: f32,
+    spacing_m: vec2<f32>,
+    low_m: f32,
+    range_m: f32,
+    tint_from_m: f32,
+    tints_per_m: f32,
+    sea_level_m: f32,
+    contour_interval_m: f32,
+    // Toward the sun (east, north, up); share of light that comes from everywhere.
+    sun: vec4<f32>,
+    sea: vec4<f32>,
+    ramp: array<vec4<f32>, 20>,
+}
+
+struct TerrainView {
+    // Linear forms of (column, row, height, 1), counted from the origin.
+    x: vec4<f32>,
+    y: vec4<f32>,
+    w: vec4<f32>,
+    edges: array<vec4<f32>, 8>,
+    tint: vec4<f32>,
+    near: f32,
+    // log2 of the pixels that detail may be lost over.
+    tolerance_log2: f32,
+    padding: vec2<u32>,
+}
+
+struct Vertex {
+    @location(0) post: vec2<u32>,
+    @location(1) height_m: f32,
+    @location(2) patch_number: u32,
+}
+
+struct Varyings {
+    @builtin(position) position: vec4<f32>,
+    @builtin(clip_distances) inside: array<f32, 8>,
+    @location(0) place: vec3<f32>,
+    @location(1) @interpolate(flat) tint: vec4<f32>,
+    @location(2) @interpolate(flat) tolerance_log2: f32,
+    @location(3) @interpolate(flat) patch_number: u32,
+}
+
+@group(0) @binding(0) var<uniform> terrain: Terrain;
+@group(0) @binding(1) var<storage, read> views: array<TerrainView>;
+
+@vertex
+fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> Varyings {
+    let post = vec2<f32>(vec2<i32>(in.post) - terrain.origin_post);
+    let place = vec4(post, in.height_m - terrain.origin_height_m, 1.0);
+    var out: Varyings;
+    out.position = vec4(
+        dot(views[view].x, place), dot(views[view].y, place), views[view].near, dot(views[view].w, place)
+    );
+    for (var k = 0u; k < 8u; k++) {
+        out.inside[k] = dot(views[view].edges[k], place);
+    }
+    out.place = place.xyz;
+    out.tint = views[view].tint;
+    out.tolerance_log2 = views[view].tolerance_log2;
+    out.patch_number = in.patch_number;
+    return out;
+}
