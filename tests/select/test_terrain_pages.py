@@ -12,7 +12,10 @@ from limen.data.pages import PAGE, Pyramid
 from limen.data.terrain import Nodes
 from limen.errors import InputError
 from limen.geometry import Floats
+from limen.select import terrain_kernels as kernels
+from limen.select.detail import KEPT
 from limen.select.terrain import select_terrain
+from limen.select.terrain_forms import TerrainForms, terrain_forms
 from limen.select.terrain_pages import pages_for_terrain, texel_tolerance_px
 
 SEEDS = st.integers(0, 10_000)
@@ -79,6 +82,64 @@ def test_every_pixel_finds_its_page(seed: int, allowed: Floats, drape: bool) -> 
             level = np.clip(np.floor(np.log2(texels)), 0, len(pyramid.levels) - 1).astype(np.int64)
             column, row = (texel // (PAGE * 2.0 ** level[:, None])).astype(np.int64).T
             assert set(pyramid.page_index(level, column, row).tolist()) <= chosen
+
+
+def test_no_slope_makes_a_footprint_smaller_than_the_bound_and_some_come_near() -> None:
+    """Of places one by one, over slopes of all kinds: what the pages' levels rest on, and how tight it is."""
+    reached = []
+    for seed in range(40):
+        scene, random = made_up_scene(seed), np.random.default_rng(seed)
+        forms = terrain_forms(scene.views, scene.quilt_size_px, scene.room_from_posts)
+        places = random.uniform([0, 0, 0], [512, 256, 100], (1000, 3))
+        for place in places[scene.sees(0, places)][:5]:
+            slopes = random.normal(size=(4000, 2)) * 10 ** random.uniform(-2, 5, (4000, 1))
+            sides = footprints(scene, 0, np.tile(place, (len(slopes), 1)), slopes)
+            seen = kernels.nearest_w(np.array([*place, *place]), 0, forms)[1]
+            reached.append(sides.min() * forms.px_per_post[0] / seen)
+    assert len(reached) > 100
+    assert min(reached) >= 1 - 1e-4  # footprints are taken as differences over a thousandth of a pixel
+    assert np.median(reached) < 1.3
+
+
+def plain_pages(boxes: Floats, panels: list[int], forms: TerrainForms, pyramid: Pyramid, tolerance: Floats) -> set[int]:
+    """The rule, one page at a time: seen, and no coarser page there is fine enough for all of a pair in it."""
+    found = set()
+    for box, panel in zip(boxes, panels, strict=True):
+        for page in range(pyramid.page_count):
+            level, column, row = pyramid.page_of(page)
+            enough, parts = [], []
+            for coarser in range(level, len(pyramid.levels)):
+                span = PAGE * 2.0**coarser
+                corner = np.array([column >> (coarser - level), row >> (coarser - level)]) * span
+                part = np.concatenate(
+                    [np.maximum(box[:2], corner), box[2:3], np.minimum(box[3:5], corner + span), box[5:]]
+                )
+                seen = kernels.nearest_w(part, panel, forms)[1] if (part[:2] <= part[3:5]).all() else -1.0
+                texels = seen / forms.px_per_post[panel] * tolerance[panel] * (1 - 1e-3)
+                parts.append(seen >= 0)
+                enough.append(coarser > level and texels >= 2.0**coarser)
+            if all(parts) and not any(enough):
+                found.add(page)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_kernel_follows_the_rule(seed: int) -> None:
+    nodes, patches = made_up_terrain(seed)
+    nodes = enlarged(nodes, 4)
+    scene = made_up_scene(seed, columns=COLUMNS, rows=ROWS)
+    allowed = np.array([1.5, 4.0])
+    args = (scene.views, scene.quilt_size_px, scene.room_from_posts, allowed)
+    cut = select_terrain(nodes, patches, *args)
+    pyramid = Pyramid.of((COLUMNS, ROWS))
+    node = patches.node[cut.pair_patch]
+    rect, heights = nodes.rect[node] + 0.5, nodes.low_high_m[node].astype(float)
+    boxes = np.column_stack([rect[:, :2], heights[:, 0], rect[:, 2:], heights[:, 1]])
+    room = scene.room_from_posts.copy()
+    room[:3, 3] -= room[:3, :2] @ [0.5, 0.5]
+    forms = terrain_forms(scene.views, scene.quilt_size_px, room)
+    expected = plain_pages(boxes, cut.pair_panel.tolist(), forms, pyramid, np.maximum(1.0, allowed * KEPT))
+    assert set(pages_for_terrain(cut, nodes, patches, pyramid, *args).pages.tolist()) == expected
 
 
 @settings(max_examples=30, deadline=None)
