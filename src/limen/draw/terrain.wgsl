@@ -144,19 +144,21 @@ fn per_texel(source: u32) -> vec2<f32> {
     return 1.0 / (vec2<f32>(f32(sources[source].pool_columns), f32(sources[source].pool_rows)) * SIDE);
 }
 
-// The share of heights' range, and of valid posts. Decoded before texels are blended: samplers blend bytes to some 8 bits,
-// where the height has 24.
-fn height_at(slot: Slot, texel: vec2<f32>) -> vec2<f32> {
+// The share of heights' range, how it grows with a texel along x and y, and the share of valid posts. Decoded before texels
+// are blended: samplers blend bytes to some 8 bits, where the height has 24.
+fn height_at(slot: Slot, texel: vec2<f32>) -> vec4<f32> {
     let first = floor(texel - 0.5);
     let behind = texel - 0.5 - first;
     let at = vec2<i32>(slot.corner + first);
-    var rows = array<vec2<f32>, 2>();
+    var rows = array<vec3<f32>, 2>();
     for (var k = 0; k < 2; k++) {
-        let left = textureLoad(heights_pool, at + vec2<i32>(0, k), slot.layer, 0);
-        let right = textureLoad(heights_pool, at + vec2<i32>(1, k), slot.layer, 0);
-        rows[k] = mix(height_of(left), height_of(right), behind.x);
+        let left = height_of(textureLoad(heights_pool, at + vec2<i32>(0, k), slot.layer, 0));
+        let right = height_of(textureLoad(heights_pool, at + vec2<i32>(1, k), slot.layer, 0));
+        let middle = mix(left, right, behind.x);
+        rows[k] = vec3<f32>(middle.x, right.x - left.x, middle.y);
     }
-    return mix(rows[0], rows[1], behind.y);
+    let height = mix(rows[0], rows[1], behind.y);
+    return vec4<f32>(height.xy, rows[1].x - rows[0].x, height.z);
 }
 
 fn height_of(texel: vec4<f32>) -> vec2<f32> {
@@ -169,8 +171,7 @@ fn texel_at(source: u32, slot: u32, texel: vec2<f32>) -> vec4<f32> {
     // At a page's rim the sampler reads half a texel farther, which the gutter holds.
     let inside = clamp(texel, vec2<f32>(1.0 - GUTTER), vec2<f32>(PAGE + GUTTER - 1.0));
     if source == HEIGHTS {
-        let height = height_at(place, inside);
-        return vec4<f32>(height.x, 0.0, 0.0, height.y);
+        return height_at(place, inside);
     }
     let at = (place.corner + inside) * per_texel(source);
     if source == RELIEF {
@@ -196,7 +197,11 @@ fn page_light(source: u32, fine: vec2<f32>, first_level: u32) -> vec4<f32> {
         let corner = vec2<i32>((cell >> vec2<u32>(up)) << vec2<u32>(shown + PAGE_BITS));
         let texel = (vec2<f32>(sources[source].origin - corner) + fine) * exp2(-f32(shown));
         let fade = f32((entry >> 5u) & 0x7fu) / 127.0;
-        light += left * fade * texel_at(source, entry >> 12u, texel);
+        var seen = texel_at(source, entry >> 12u, texel);
+        if source == HEIGHTS {
+            seen = vec4<f32>(seen.x, seen.yz * exp2(-f32(shown)), seen.w);
+        }
+        light += left * fade * seen;
         left *= 1.0 - fade;
         level = shown + 1u;
     }
@@ -296,9 +301,12 @@ fn seen(in: Shaded) -> vec4<f32> {
         }
     }
     var height_m = in.place.z + terrain.origin_height_m;
+    var slope_m_per_px = length(vec2<f32>(right.z, down.z));
     if (COLOURS == 0u || CONTOURS) && sources[HEIGHTS].ready != 0u {
-        let share = sampled(HEIGHTS, in.place.xy, right.xy, down.xy, tolerance).x;
-        height_m = terrain.low_m + share * terrain.range_m;
+        let share = sampled(HEIGHTS, in.place.xy, right.xy, down.xy, tolerance);
+        height_m = terrain.low_m + share.x * terrain.range_m;
+        // Not by dpdx: beside a triangle's edge, the other pixels of four may not have read the table.
+        slope_m_per_px = length(vec2<f32>(dot(share.yz, right.xy), dot(share.yz, down.xy))) * terrain.range_m;
     }
     var colour = GREY;
     if COLOURS == 0u {
@@ -313,7 +321,7 @@ fn seen(in: Shaded) -> vec4<f32> {
     }
     colour *= lit(normal);
     if CONTOURS {
-        colour = contoured(colour, height_m, length(vec2(dpdx(height_m), dpdy(height_m))));
+        colour = contoured(colour, height_m, slope_m_per_px);
     }
     if OVERLAY == 1u {
         colour = mix(colour, in.tint.rgb * (0.3 + 0.7 * lit(normal)), in.tint.a);
