@@ -94,7 +94,7 @@ def test_scheels_policy_is_named_without_acuity_or_gaze_and_is_for_panels():
     policy = Policy.parse("scheel", 2.0)
     assert policy == Policy("scheel")
     assert policy.label == policy.title == "scheel"
-    with pytest.raises(InputError, match="no policy is named 'scheel.gaze'"):
+    with pytest.raises(InputError, match=r"no policy is named 'scheel\+gaze'"):
         Policy.parse("scheel+gaze")
     with pytest.raises(InputError, match="take acuity for anything else"):
         tolerance_of([limen.Viewer((0, 0, 0))], policy)

@@ -165,3 +165,24 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     assert says in out.err
     assert len(out.err.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_pointers_are_written_and_count_as_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    found = []
+    for words in ((), ("--pointers", 2)):
+        path = tmp_path / "walk.csv"
+        assert limen("walk", "--display", "rostock", "--seconds", 1, *words, path, "--json") == 0
+        report = answer(capsys)
+        session = read_session(path)
+        assert (report["viewers"], report["pointers"]) == (len(session.tracks), len(session.pointers))
+        assert limen("traffic", "one-to-one", "--display", "rostock", "--session", path, "--rate-hz", 5, "--json") == 0
+        found.append(answer(capsys)["sessions"])
+    assert len(session.pointers) == 2
+    assert found[0] == found[1]
+    assert found[1][0]["viewers"] == 1
+
+
+def test_scheels_policy_is_refused_where_there_are_no_terrains(short: Path, capsys: pytest.CaptureFixture[str]):
+    words = ("traffic", "one-to-one", "--display", "rostock", "--session", short, "--rate-hz", 5, "--policy", "scheel")
+    assert limen(*words) == 2
+    assert "take acuity for anything else" in capsys.readouterr().err

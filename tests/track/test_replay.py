@@ -17,6 +17,7 @@ from limen.track.session import Session, Track
 HEADER = '# limen session 1: {"name": "s", "display": "d", "rate_hz": 30}\n'
 COLUMNS = "time_s,viewer,x_m,y_m,z_m,direction_x,direction_y,direction_z\n"
 ROW = "0.0,v1,1,2,3,0,0,-1\n"
+ROLES, ROLE = COLUMNS.replace("viewer,", "viewer,role,"), ROW.replace("v1,", "v1,viewer,")
 DOCS = Path(__file__).parents[2] / "docs" / "sessions.md"
 
 numbers = st.floats(-50, 50)
@@ -39,7 +40,9 @@ def sessions(draw: st.DrawFn) -> Session:
         gaze = np.where(np.array(known)[:, None], direction, math.nan) if any(known) else None
         acuity = np.where(known, 0.5, math.nan) if any(known) and draw(st.booleans()) else None
         tracks.append(Track(name, times, position, direction, gaze, acuity))
-    return Session(draw(names.filter(bool)), draw(names), draw(st.floats(0.1, 1000)), tuple(tracks))
+    pointers, of = draw(st.lists(names, max_size=2, unique=True)), tracks[0]
+    held = tuple(Track(name, of.time_s, of.direction, of.direction) for name in pointers)
+    return Session(draw(names.filter(bool)), draw(names), draw(st.floats(0.1, 1000)), tuple(tracks), held)
 
 
 def same(a: np.ndarray | None, b: np.ndarray | None) -> bool:
@@ -55,16 +58,18 @@ def test_what_is_written_is_read_back_exactly(session: Session, tmp_path_factory
     write_session(path, session)
     again = read_session(path)
     assert (again.name, again.display, again.rate_hz) == (session.name, session.display, session.rate_hz)
-    found = {each.viewer: each for each in again.tracks}
-    assert set(found) == {each.viewer for each in session.tracks}
-    for track in session.tracks:
-        for field in ("time_s", "position_m", "direction", "gaze", "acuity_arcmin"):
-            assert same(getattr(found[track.viewer], field), getattr(track, field)), field
+    for written, read in ((session.tracks, again.tracks), (session.pointers, again.pointers)):
+        found = {each.viewer: each for each in read}
+        assert set(found) == {each.viewer for each in written}
+        for track in written:
+            for field in ("time_s", "position_m", "direction", "gaze", "acuity_arcmin"):
+                assert same(getattr(found[track.viewer], field), getattr(track, field)), field
+    assert ("role" in path.read_text(encoding="utf-8").splitlines()[1].split(",")) == bool(session.pointers)
     assert session_text(again) == path.read_text(encoding="utf-8")
 
 
 def test_the_example_of_the_docs(tmp_path: Path):
-    (example,) = re.findall(r"```csv\n(.*?)```", DOCS.read_text(encoding="utf-8"), flags=re.DOTALL)
+    example, _ = re.findall(r"```csv\n(.*?)```", DOCS.read_text(encoding="utf-8"), flags=re.DOTALL)
     path = tmp_path / "visit.csv"
     path.write_text(example, encoding="utf-8")
     session = read_session(path)
@@ -76,9 +81,21 @@ def test_the_example_of_the_docs(tmp_path: Path):
     assert ben.gaze is None
 
 
+def test_the_docs_session_with_a_pointer(tmp_path: Path):
+    _, example = re.findall(r"```csv\n(.*?)```", DOCS.read_text(encoding="utf-8"), flags=re.DOTALL)
+    path = tmp_path / "tour.csv"
+    path.write_text(example, encoding="utf-8")
+    session = read_session(path)
+    assert [track.viewer for track in session.tracks] == [track.viewer for track in session.pointers] == ["ann"]
+    (pointer,) = session.pointers_at(0.0)
+    assert (pointer.name, pointer.position_m) == ("ann", (0.2, 1.28, 0.4))
+    path.write_text(example.replace(",viewer,", ",,").replace("time_s,,", "time_s,viewer,"), encoding="utf-8")
+    assert session_text(read_session(path)) == session_text(session), "an empty role is a viewer"
+
+
 def test_the_message_of_the_docs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     text = DOCS.read_text(encoding="utf-8")
-    (example,) = re.findall(r"```csv\n(.*?)```", text, flags=re.DOTALL)
+    example, _ = re.findall(r"```csv\n(.*?)```", text, flags=re.DOTALL)
     (message,) = re.findall(r"```text\nlimen: (.*?)\n```", text, flags=re.DOTALL)
     lines = example.splitlines()
     lines.insert(4, "0.004,ben,2.0,1.75,0.4,0,0,0,,,,")
@@ -113,6 +130,9 @@ def test_spreadsheets_and_editors_may_touch_a_file(tmp_path: Path):
         (HEADER + COLUMNS.strip() + ",gaze_x\n" + ROW, 2, "column gaze_y is missing"),
         (HEADER + COLUMNS.strip() + ",colour\n" + ROW, 2, "column 'colour' is unknown"),
         (HEADER + COLUMNS.strip() + ",x_m\n" + ROW, 2, "column 'x_m' is unknown or there twice"),
+        (HEADER + ROLES + "0.0,v1,watcher,1,2,3,0,0,-1\n", 3, "role is 'watcher'; there are viewer and pointer"),
+        (HEADER + ROLES + ROLE + "1.0,p,pointer,1,2,3,0,0,0\n", 4, "direction of pointer 'p' is zero"),
+        (HEADER + ROLES.strip() + ",acuity_arcmin\n0,p,pointer,1,2,3,0,0,1,1\n", 3, "a pointer has no eyes"),
         (HEADER + COLUMNS + ROW + "1.0,v1,1,2\n", 4, "4 cells for 8 columns"),
         (HEADER + COLUMNS + ROW + "1.0,v1,nan,2,3,0,0,-1\n", 4, "x_m is 'nan'"),
         (HEADER + COLUMNS + ROW + "1.0,v1,1,2,inf,0,0,-1\n", 4, "z_m is 'inf'"),
@@ -153,3 +173,10 @@ def test_a_file_is_there_whole_or_not_at_all(tmp_path: Path):
     write_session(tmp_path / "s.csv", session)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "s.csv"]
     assert (tmp_path / "s.csv").stat().st_mode & stat.S_IRUSR
+
+
+def test_pointers_alone_are_no_session(tmp_path: Path):
+    path = tmp_path / "s.csv"
+    path.write_text(HEADER + ROLES + "0.0,p,pointer,1,2,3,0,0,-1\n", encoding="utf-8")
+    with pytest.raises(SessionError, match=r"s\.csv: session 's' has no viewers"):
+        read_session(path)

@@ -109,3 +109,27 @@ def test_sessions_that_cannot_be():
             Session("s", "d", rate, (track(),))
         with pytest.raises(SessionError, match="rate_hz"):
             Session("s", "d", 1.0, (track(),)).times_s(rate)
+
+
+def test_pointers_go_beside_the_viewers_and_are_none():
+    viewers, hand = (track("a"), track("b", times=(0.0, 4.0))), track("a", times=(1.0, 2.0))
+    session, without = Session("s", "d", 1.0, viewers, (hand,)), Session("s", "d", 1.0, viewers)
+    for with_them, alone in zip(session.frames(), without.frames(), strict=True):
+        assert with_them.viewers == alone.viewers
+        assert (len(with_them.pointers), alone.pointers) == (1, ())
+        assert with_them.pointers == session.pointers_at(with_them.time_s)
+    assert (session.length_m, session.duration_s, session.sample_count) == (
+        without.length_m, without.duration_s, without.sample_count,
+    )  # fmt: skip
+    (pointer,) = session.pointers_at(1.25)
+    assert pointer.position_m == pytest.approx((0.25, 1.7, 0))
+    assert (pointer.direction, pointer.time_s, pointer.name) == ((0, 0, -1), 1.25, "a")
+
+
+def test_pointers_that_cannot_be():
+    with pytest.raises(SessionError, match="two pointers are named 'p'"):
+        Session("s", "d", 1.0, (track(),), (track("p"), track("p")))
+    with pytest.raises(SessionError, match="pointer 'p' has a gaze or an acuity"):
+        Session("s", "d", 1.0, (track(),), (track("p", acuity_arcmin=np.ones(3)),))
+    with pytest.raises(SessionError, match="no viewers"):
+        Session("s", "d", 1.0, (), (track("p"),))

@@ -9,9 +9,13 @@ from limen.display.display import Display
 from limen.display.files import preset_names
 from limen.display.grid import Grid, panels_of_grid
 from limen.errors import InputError, MissingFileError
+from limen.select.visibility import panel_demands
+from limen.tolerance import Policy
 from limen.track.replay import session_text, write_session
 from limen.track.room import BODY_M, room_of
+from limen.track.session import Session
 from limen.track.walk import SESSIONS, SPEED_M_PER_S, heat_map, hotspots, make_walk, plan_of, session_named
+from limen.viewer import Viewer
 
 
 def display_of(*grids: Grid) -> Display:
@@ -190,3 +194,41 @@ def test_a_made_up_eye_tracker_fixates_and_jumps_near_where_the_head_points():
     assert named.name == "A+gaze"
     assert named.tracks[0].gaze is not None
     assert session_named("A", display).tracks[0].gaze is None
+
+
+@pytest.mark.parametrize("name", ["rostock", "cave", "cube"])
+def test_pointers_wander_over_the_panels_in_the_hands_of_viewers(name: str):
+    display = Display.preset(name)
+    session = make_walk(display, 10.0, 3, viewers=2, pointers=3)
+    assert session_text(session) == session_text(make_walk(display, 10.0, 3, viewers=2, pointers=3))
+    alone = make_walk(display, 10.0, 3, viewers=2)
+    for with_them, without in zip(session.tracks, alone.tracks, strict=True):
+        assert np.array_equal(with_them.position_m, without.position_m)
+    assert [track.viewer for track in session.pointers] == ["p1", "p2", "p3"]
+    for number, track in enumerate(session.pointers):
+        reach = np.linalg.norm(track.position_m - session.tracks[number % 2].position_m, axis=1)
+        assert reach == pytest.approx(np.hypot(0.4, 0.2), abs=1e-5)
+        turned = np.degrees(np.arccos(np.clip((track.direction[1:] * track.direction[:-1]).sum(axis=1), -1, 1)))
+        assert turned.mean() * 120 > 3, "it wanders"
+    pointed = {int(angles.argmin()) for angles in pointed_at(display, session)}
+    assert len(pointed) >= min(3, len(display.panels))
+
+
+def pointed_at(display: Display, session: Session) -> list[np.ndarray]:
+    """The angle from a pointer to every panel that faces it, ten times over ten seconds."""
+    viewers = [Viewer(each.position_m, each.direction, each.direction, eye_separation_m=0)
+               for t in np.linspace(0, 9.9, 10) for each in session.pointers_at(float(t))]  # fmt: skip
+    return [panel_demands(display, [viewer], Policy("acuity")).angle_deg for viewer in viewers]
+
+
+def test_a_pointer_before_a_wall_nearly_always_points_at_it():
+    display = Display.preset("rostock")
+    session = make_walk(display, 10.0, 3, pointers=1)
+    smallest = [angles.min() for angles in pointed_at(display, session)]
+    assert max(smallest) == 0
+
+
+def test_numbers_of_pointers_that_cannot_be():
+    for pointers in (-1, 65):
+        with pytest.raises(InputError, match="pointers must be from 0 to 64"):
+            make_walk(Display.preset("cave"), 1.0, pointers=pointers)

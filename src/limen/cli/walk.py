@@ -26,6 +26,7 @@ def walk(
     viewers: int = 1,
     rate_hz: float = 120.0,
     gaze: Annotated[bool, Parameter(negative="")] = False,
+    pointers: int = 0,
     picture: Path | None = None,
     common: Common = DEFAULT,
 ) -> None:
@@ -47,6 +48,8 @@ def walk(
         Samples a second.
     gaze
         Also make up an eye tracker: fixations within 15 degrees of where the head points.
+    pointers
+        How many hand-held pointers wander over the display; panels in their cones are wanted in full detail.
     picture
         Also draw the heat map, the hotspots and the paths to this .png or .svg.
     """
@@ -54,7 +57,7 @@ def walk(
     shown = Display.named(display)
     if picture is not None:
         format_of(picture)  # a wrong ending should leave no session behind
-    session = make_walk(shown, seconds, seed, viewers, rate_hz, name=out.stem, gaze=gaze)
+    session = make_walk(shown, seconds, seed, viewers, rate_hz, name=out.stem, gaze=gaze, pointers=pointers)
     write_session(out, session)
     if picture is not None:
         heat = heat_map(shown, seed)
@@ -66,6 +69,7 @@ def walk(
         "length_m": round(session.length_m, 3),
         "seconds": session.duration_s,
         "viewers": viewers,
+        "pointers": pointers,
         "rate_hz": session.rate_hz,
         "seed": seed,
         "display": shown.name,
@@ -73,6 +77,8 @@ def walk(
     }
     output.result(result)
     people = "1 viewer" if viewers == 1 else f"{viewers} viewers"
+    if pointers:
+        people += ", 1 pointer" if pointers == 1 else f", {pointers} pointers"
     output.line(
         f"{out}: {session.sample_count:,} frames, {session.duration_s:g} s, {people}, {session.length_m:.1f} m walked"
     )

@@ -143,7 +143,7 @@ class _Tour:
         tolerance = tolerance_of(moment.viewers, self.policy)
         tints, counts = level_tints(self.view, tolerance, _TINT_CELLS)
         tinted = {name: _tinted(previews[name], tint) for name, tint in tints.items()}
-        path_m = np.array([viewers[0].position_m for _, viewers in self.session.frames(5.0)])
+        path_m = np.array([frame.viewers[0].position_m for frame in self.session.frames(5.0)])
         pictures = (
             draw_room(self.display, pictures=previews, viewers=moment.viewers, path_m=path_m, size_px=(1400, 720)),
             draw_surface(self.display, previews, 2600),

@@ -10,7 +10,7 @@ same ones for all distances, found none that meets the smallest errors within a 
 * **Smallest errors** within 7 % of the paper's down to 0.5 m are those of a user before the next column's centre line,
   at the boundary of the two middle rows, who looks straight ahead: two panels' middles are 0.18 m from where the user
   looks. At 0.2 m even that allows 1.6 px, because they are 42 degrees aside then. The paper's 0.49 px needs a line of
-  sight within 19 degrees of a middle; here the user looks up into the panel by a quarter of its height, which is 4 % off.
+  sight within 19 degrees of a middle; here the user looks up into the panel by a quarter of its height, and is 4 % off.
 
 So a row holds both: the errors of the user on the column's centre line, and the panels of the user at the wall's
 centre. The largest errors follow from poses that were not printed, and are not met: at 3 m the paper's 37.06 px is what

@@ -6,7 +6,8 @@
     time_s,viewer,x_m,y_m,z_m,direction_x,direction_y,direction_z
     0.0,v1,2.184706,1.7,-1.91234,0.6,0.0,-0.8
 
-A person can read it, a spreadsheet too, and pandas with ``read_csv(path, comment="#")``.
+Pointers are told from viewers by a column ``role``. A person can read it, a spreadsheet too, and pandas with
+``read_csv(path, comment="#")``.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ _MARK = "# limen session "
 _REQUIRED = ("time_s", "viewer", "x_m", "y_m", "z_m", "direction_x", "direction_y", "direction_z")
 _GAZE = ("gaze_x", "gaze_y", "gaze_z")
 _ACUITY = "acuity_arcmin"
+_ROLE = "role"
+_ROLES = ("viewer", "pointer")
+_WORDS = ("viewer", _ROLE)  # columns that hold no number
 _EXAMPLE = f'{_MARK}{VERSION}: {{"name": "A", "display": "reality-deck", "rate_hz": 120}}'
 
 
@@ -63,8 +67,14 @@ def session_text(session: Session) -> str:
     header = _Header(session.name, session.display, session.rate_hz)
     gaze = any(track.gaze is not None for track in session.tracks)
     acuity = any(track.acuity_arcmin is not None for track in session.tracks)
-    columns = (*_REQUIRED, *(_GAZE if gaze else ()), *((_ACUITY,) if acuity else ()))
-    rows = [row for track in session.tracks for row in _rows(track, gaze, acuity)]
+    role = (_ROLE,) if session.pointers else ()
+    columns = (*_REQUIRED[:2], *role, *_REQUIRED[2:], *(_GAZE if gaze else ()), *((_ACUITY,) if acuity else ()))
+    rows = [
+        [*row[:2], *([name] if role else []), *row[2:]]
+        for name, tracks in zip(_ROLES, (session.tracks, session.pointers), strict=True)
+        for track in tracks
+        for row in _rows(track, gaze, acuity)
+    ]
     rows.sort(key=lambda row: float(row[0]))  # stable: viewers of one instant stay in their order
     out = io.StringIO()
     out.write(f"{_MARK}{VERSION}: {msgspec.json.encode(header).decode()}\n")
@@ -100,24 +110,29 @@ def read_session(path: str | Path) -> Session:
     lines = _text(path).splitlines()
     header = _header(path, lines)
     places, start = _columns(path, lines)
-    samples: dict[str, list[list[float]]] = {}
-    numbers: dict[str, list[int]] = {}  # the line of every sample
+    samples: dict[tuple[str, str], list[list[float]]] = {}  # by role and name
+    numbers: dict[tuple[str, str], list[int]] = {}  # the line of every sample
     for number, line in enumerate(lines[start:], start + 1):
         if not line.strip() or line.startswith("#"):
             continue
         cells = next(csv.reader([line]))
         if len(cells) != len(places):
             raise SessionError(f"{path}:{number}: {len(cells)} cells for {len(places)} columns; is the line cut off?")
-        viewer = cells[places.index("viewer")].strip()
-        samples.setdefault(viewer, []).append(_numbers(path, number, places, cells))
-        numbers.setdefault(viewer, []).append(number)
+        who = _role(path, number, places, cells), cells[places.index("viewer")].strip()
+        samples.setdefault(who, []).append(_numbers(path, number, places, cells, who[0]))
+        numbers.setdefault(who, []).append(number)
     if not samples:
         raise SessionError(
             f"{path}:{len(lines)}: no samples; a session needs at least one line below the columns' names"
         )
-    wanted = [name for name in places if name != "viewer"]
-    tracks = (_track(path, viewer, wanted, np.array(rows), numbers[viewer]) for viewer, rows in samples.items())
-    return Session(header.name, header.display, header.rate_hz, tuple(tracks))
+    wanted = [name for name in places if name not in _WORDS]
+    tracks: dict[str, list[Track]] = {role: [] for role in _ROLES}
+    for (role, name), rows in samples.items():
+        tracks[role].append(_track(path, role, name, wanted, np.array(rows), numbers[role, name]))
+    try:
+        return Session(header.name, header.display, header.rate_hz, *(tuple(tracks[role]) for role in _ROLES))
+    except SessionError as error:
+        raise SessionError(f"{path}: {error}") from None
 
 
 def _text(path: Path) -> str:
@@ -153,7 +168,7 @@ def _columns(path: Path, lines: list[str]) -> tuple[list[str], int]:
         if not line.strip() or line.startswith("#"):
             continue
         names = [name.strip() for name in next(csv.reader([line]))]
-        known = {*_REQUIRED, *_GAZE, _ACUITY}
+        known = {*_REQUIRED, *_GAZE, _ACUITY, _ROLE}
         missing = [name for name in _REQUIRED if name not in names]
         missing += [name for name in _GAZE if name not in names and set(names) & set(_GAZE)]
         unknown = [name for name in names if name not in known or names.count(name) > 1]
@@ -164,7 +179,7 @@ def _columns(path: Path, lines: list[str]) -> tuple[list[str], int]:
         if unknown:
             raise SessionError(
                 f"{path}:{number}: column '{unknown[0]}' is unknown or there twice; "
-                f"optional are {','.join((*_GAZE, _ACUITY))}"
+                f"optional are {','.join((*_GAZE, _ACUITY, _ROLE))}"
             )
         return names, number
     raise SessionError(
@@ -172,15 +187,25 @@ def _columns(path: Path, lines: list[str]) -> tuple[list[str], int]:
     )
 
 
-def _numbers(path: Path, line: int, names: Sequence[str], cells: Sequence[str]) -> list[float]:
+def _role(path: Path, line: int, names: Sequence[str], cells: Sequence[str]) -> str:
+    """What a line tells of: a viewer, unless it says that it is a pointer."""
+    role = cells[names.index(_ROLE)].strip() if _ROLE in names else ""
+    if role not in ("", *_ROLES):
+        raise SessionError(f"{path}:{line}: role is '{role}'; there are {' and '.join(_ROLES)}, and empty is a viewer")
+    return role or _ROLES[0]
+
+
+def _numbers(path: Path, line: int, names: Sequence[str], cells: Sequence[str], role: str) -> list[float]:
     values: list[float] = []
     for name, cell in zip(names, cells, strict=True):
-        if name == "viewer":
+        if name in _WORDS:
             continue
         text = cell.strip()
         if not text and (name in _GAZE or name == _ACUITY):
             values.append(np.nan)
             continue
+        if role == "pointer" and (name in _GAZE or name == _ACUITY):
+            raise SessionError(f"{path}:{line}: {name} of a pointer is '{text}': a pointer has no eyes, leave it empty")
         try:
             values.append(float(text))
         except ValueError:
@@ -192,7 +217,7 @@ def _numbers(path: Path, line: int, names: Sequence[str], cells: Sequence[str]) 
     return values
 
 
-def _track(path: Path, viewer: str, names: list[str], values: Floats, lines: list[int]) -> Track:
+def _track(path: Path, role: str, viewer: str, names: list[str], values: Floats, lines: list[int]) -> Track:
     def column(*wanted: str) -> Floats:
         return values[:, [names.index(name) for name in wanted]]
 
@@ -202,7 +227,7 @@ def _track(path: Path, viewer: str, names: list[str], values: Floats, lines: lis
     acuity = column(_ACUITY)[:, 0] if _ACUITY in names else None
     fault = find_fault(time_s, position, direction, gaze, acuity)
     if fault is not None:
-        who = f" of viewer '{viewer}'" if viewer else ""
+        who = f" of {role} '{viewer}'" if viewer else ""
         raise SessionError(f"{path}:{lines[fault.sample]}: {fault.field}{who} {fault.message}")
     gaze = None if gaze is None or np.isnan(gaze).all() else gaze
     acuity = None if acuity is None or np.isnan(acuity).all() else acuity

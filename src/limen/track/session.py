@@ -1,4 +1,4 @@
-"""A session: where viewers were and looked over time, recorded or generated."""
+"""A session: where viewers were and looked, and what they pointed at, over time; recorded or generated."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from limen.errors import SessionError
 from limen.geometry import Floats, as_vec3
-from limen.viewer import Viewer
+from limen.viewer import Pointer, Viewer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -21,10 +21,11 @@ __all__ = ["Fault", "Frame", "Session", "Track", "find_fault"]
 
 
 class Frame(NamedTuple):
-    """All viewers at one instant."""
+    """All viewers and pointers at one instant."""
 
     time_s: float
     viewers: tuple[Viewer, ...]
+    pointers: tuple[Pointer, ...] = ()
 
 
 class Fault(NamedTuple):
@@ -37,16 +38,16 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """The samples of one viewer, in the order of time.
+    """The samples of one viewer, or of one hand-held pointer, in the order of time.
 
     Parameters
     ----------
     viewer
-        Tells the viewers of a session apart.
+        Tells the viewers (or the pointers) of a session apart.
     time_s
         Shape (N,), growing from sample to sample.
     position_m, direction
-        Midpoint between the eyes and where the head points, shape (N, 3).
+        Midpoint between the eyes and where the head points, shape (N, 3); of a pointer, the hand and where it points.
     gaze
         Where the eyes look, shape (N, 3), NaN where the eye tracker lost them; ``None`` without a tracker.
     acuity_arcmin
@@ -89,12 +90,7 @@ class Track:
         stands at the first, after the last at the last, so nobody's demand is dropped when a tracker starts
         late or stops early.
         """
-        before = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, None)
-        position = np.stack([np.interp(time_s, self.time_s, axis) for axis in self.position_m.T], axis=1)
-        unit = self.direction / np.linalg.norm(self.direction, axis=1, keepdims=True)
-        direction = np.stack([np.interp(time_s, self.time_s, axis) for axis in unit.T], axis=1)
-        turned_back = np.linalg.norm(direction, axis=1) < 1e-6  # halfway between opposite directions
-        direction[turned_back] = unit[before[turned_back]]
+        position, direction, before = self._poses(time_s)
         gaze = None if self.gaze is None else self.gaze[before]
         acuity = None if self.acuity_arcmin is None else self.acuity_arcmin[before]
         return [
@@ -109,6 +105,24 @@ class Track:
             for i in range(len(time_s))
         ]
 
+    def pointers(self, time_s: Floats) -> list[Pointer]:
+        """The pointer at other times, shape (F,): between, before and after its samples as `viewers` are."""
+        position, direction, _ = self._poses(time_s)
+        return [
+            Pointer(as_vec3(at, "position_m"), as_vec3(way, "direction"), float(when), self.viewer)
+            for at, way, when in zip(position, direction, time_s, strict=True)
+        ]
+
+    def _poses(self, time_s: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        """Positions and directions, shape (F, 3), and the samples before, shape (F,)."""
+        before = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, None)
+        position = np.stack([np.interp(time_s, self.time_s, axis) for axis in self.position_m.T], axis=1)
+        unit = self.direction / np.linalg.norm(self.direction, axis=1, keepdims=True)
+        direction = np.stack([np.interp(time_s, self.time_s, axis) for axis in unit.T], axis=1)
+        turned_back = np.linalg.norm(direction, axis=1) < 1e-6  # halfway between opposite directions
+        direction[turned_back] = unit[before[turned_back]]
+        return position, direction, before
+
     @property
     def length_m(self) -> float:
         return float(np.linalg.norm(np.diff(self.position_m, axis=0), axis=1).sum())
@@ -116,7 +130,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Session:
-    """A track of one or several viewers in front of a display.
+    """Tracks of one or several viewers in front of a display, and of what they point with.
 
     Parameters
     ----------
@@ -128,29 +142,39 @@ class Session:
         Samples a second, nominally; a sample counts for ``1 / rate_hz``.
     tracks
         One per viewer; their samples need not share times.
+    pointers
+        One per pointer, with neither gaze nor acuity. A session lasts as long as its viewers' tracks.
 
     Raises
     ------
     SessionError
-        If there is nobody in it, two viewers share a name, or the rate is impossible.
+        If there is nobody in it, two viewers or two pointers share a name, a pointer has a gaze or an acuity, or
+        the rate is impossible.
     """
 
     name: str
     display: str
     rate_hz: float
     tracks: tuple[Track, ...]
+    pointers: tuple[Track, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.rate_hz <= 100_000:
             raise SessionError(
                 f"session '{self.name}': rate_hz must lie above 0 and at most at 100000, got {self.rate_hz}"
             )
-        names = [track.viewer for track in self.tracks]
-        if not names:
-            raise SessionError(f"session '{self.name}' has no viewers: add at least one sample")
-        if len(set(names)) != len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise SessionError(f"session '{self.name}': two viewers are named '{twice}'")
+        if not self.tracks:
+            raise SessionError(f"session '{self.name}' has no viewers: add at least one sample of one")
+        for role, tracks in (("viewer", self.tracks), ("pointer", self.pointers)):
+            names = [track.viewer for track in tracks]
+            if len(set(names)) != len(names):
+                twice = next(name for name in names if names.count(name) > 1)
+                raise SessionError(f"session '{self.name}': two {role}s are named '{twice}'")
+        for track in self.pointers:
+            if track.gaze is not None or track.acuity_arcmin is not None:
+                raise SessionError(
+                    f"session '{self.name}': pointer '{track.viewer}' has a gaze or an acuity: leave it out"
+                )
 
     @property
     def start_s(self) -> float:
@@ -176,6 +200,10 @@ class Session:
         """All viewers at a time on the session's clock; see `Track.viewers` for what lies between samples."""
         return tuple(track.viewers(np.array([time_s]))[0] for track in self.tracks)
 
+    def pointers_at(self, time_s: float) -> tuple[Pointer, ...]:
+        """All pointers at a time on the session's clock."""
+        return tuple(track.pointers(np.array([time_s]))[0] for track in self.pointers)
+
     def times_s(self, rate_hz: float | None = None) -> NDArray[np.float64]:
         """When the frames of another rate happen, the first at the session's start.
 
@@ -194,9 +222,10 @@ class Session:
     def frames(self, rate_hz: float | None = None) -> Iterator[Frame]:
         """Frames at a steady rate (the session's own by default)."""
         times = self.times_s(rate_hz)
-        columns = [track.viewers(times) for track in self.tracks]
-        for time_s, viewers in zip(times, zip(*columns, strict=True), strict=True):
-            yield Frame(float(time_s), viewers)
+        viewers = [track.viewers(times) for track in self.tracks]
+        pointers = [track.pointers(times) for track in self.pointers]
+        for number, time_s in enumerate(times.tolist()):
+            yield Frame(time_s, tuple(of[number] for of in viewers), tuple(of[number] for of in pointers))
 
     @classmethod
     def of(cls, name: str, display: str, rate_hz: float, viewers: Iterable[Viewer]) -> Session:

@@ -19,6 +19,7 @@ from scipy.cluster.vq import ClusterError, kmeans2
 from scipy.signal import lfilter
 
 from limen.errors import InputError
+from limen.track.pointing import wandering_pointer
 from limen.track.replay import read_session
 from limen.track.room import BODY_M, Room, room_of
 from limen.track.session import Session, Track
@@ -70,6 +71,7 @@ def make_walk(
     rate_hz: float = 120.0,
     name: str = "walk",
     gaze: bool = False,
+    pointers: int = 0,
 ) -> Session:
     """A walk of one or several people in front of a display; the same arguments give the same session.
 
@@ -88,11 +90,13 @@ def make_walk(
     gaze
         Whether an eye tracker is made up, too: the eyes stay on one place for about 0.3 s, then jump to another, within
         15 degrees of where the head points.
+    pointers
+        How many hand-held pointers wander over the display, held by the viewers in turn.
 
     Raises
     ------
     InputError
-        For a duration, a rate, a seed or a number of viewers that cannot be.
+        For a duration, a rate, a seed or a number of viewers or pointers that cannot be.
     DisplayError
         If there is no floor to walk on.
     """
@@ -102,15 +106,21 @@ def make_walk(
         raise InputError(f"rate_hz must be from 1 to 1000, got {rate_hz}")
     if not 1 <= viewers <= 64:
         raise InputError(f"viewers must be from 1 to 64, got {viewers}")
+    if not 0 <= pointers <= 64:
+        raise InputError(f"pointers must be from 0 to 64, got {pointers}")
     heat = heat_map(display, seed)
     time_s = np.arange(max(1, round(seconds * rate_hz))) / rate_hz
     length_m = SPEED_M_PER_S * float(time_s[-1])
-    tracks = (
+    tracks = [
         _track(heat.room, plan_of(heat, seed, number, length_m), time_s, f"v{number + 1}") for number in range(viewers)
-    )
+    ]
     if gaze:
-        tracks = (_looking(track, [seed, number, 7]) for number, track in enumerate(tracks))
-    return Session(name, display.name, float(rate_hz), tuple(tracks))
+        tracks = [_looking(track, [seed, number, 7]) for number, track in enumerate(tracks)]
+    held = (
+        wandering_pointer(display, tracks[number % viewers], f"p{number + 1}", [seed, number, 11])
+        for number in range(pointers)
+    )
+    return Session(name, display.name, float(rate_hz), tuple(tracks), tuple(held))
 
 
 def session_named(name_or_path: str, display: Display, viewers: int = 1) -> Session:
