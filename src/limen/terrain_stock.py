@@ -16,7 +16,7 @@ from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.patch_stream import PatchPlaces, PatchStream
 from limen.select.rims import RimPool
-from limen.stream import FADE_S, Stream
+from limen.stream import FADE_S, PageSource, Stream
 
 __all__ = ["GPU_BYTES", "Draped", "TerrainStock", "Wishes"]
 
@@ -70,7 +70,7 @@ class TerrainStock:
         gpu_bytes: int = GPU_BYTES,
         threads: int | None = None,
     ) -> None:
-        sources = [terrain.relief, terrain.heights, *([draped.image] if draped else [])]
+        sources: list[PageSource] = [terrain.relief, terrain.heights, *([draped.image] if draped else [])]
         threads = threads or max(1, (os.cpu_count() or 2) // 2)
         vertices, indices = gpu_bytes // 8 // _VERTEX_BYTES, gpu_bytes // 8 // _INDEX_BYTES
         self._patches = PatchStream(terrain, vertex_capacity=vertices, index_capacity=indices, threads=threads)
@@ -82,6 +82,7 @@ class TerrainStock:
         self._streams = [
             Stream(source, pool.slots, threads=threads) for source, pool in zip(sources, self._pools, strict=True)
         ]
+        self._all: list[PatchStream | Stream] = [self._patches, *self._streams]
         drape = Drape(draped.image.pyramid, self._pools[2], draped.texel_from_post) if draped else None
         self.layer = TerrainLayer(
             device, terrain, relief=self._pools[0], heights=self._pools[1], drape=drape, vertex_capacity=vertices,
@@ -91,7 +92,6 @@ class TerrainStock:
         self._versions: tuple[int, ...] = ()
         self._changed_s = -np.inf
         self._tables: PageTables | None = None
-        self.uploads = 0
 
     @property
     def places(self) -> PatchPlaces:
@@ -128,7 +128,7 @@ class TerrainStock:
         """Wait until all that is wished for is there or has failed; returns how much has failed."""
         while True:
             missing = self.update(wishes, whole=True)
-            waiting = [stream for stream in (self._patches, *self._streams) if not stream.settled]
+            waiting = [stream for stream in self._all if not stream.settled]
             if not waiting:
                 return missing
             waiting[0].wait()
@@ -141,7 +141,7 @@ class TerrainStock:
 
     def close(self) -> None:
         """Stop reading and free the GPU memory."""
-        for stream in (self._patches, *self._streams):
+        for stream in self._all:
             stream.close()
         self.layer.destroy()
         for pool in self._pools:
