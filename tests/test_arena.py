@@ -34,6 +34,12 @@ def test_ranges_are_those_of_the_plain_search(capacity, steps):
         if takes or not held:
             begin = arena.take(size)
             assert begin == owners.take(size, number), "first fit, with all free neighbours grown together"
+            if begin is None and which % 2:
+                capacity += size
+                arena.grow(capacity)
+                owners.owner += [None] * size
+                begin = arena.take(size)
+                assert begin == owners.take(size, number) is not None, "there is room at the end"
             if begin is not None:
                 held.append((number, begin))
         else:
@@ -55,3 +61,5 @@ def test_what_was_not_taken_cannot_be_given_back():
         arena.take(0)
     with pytest.raises(ValueError, match="at least one element"):
         Arena(0)
+    with pytest.raises(ValueError, match="cannot shrink to 7"):
+        arena.grow(7)

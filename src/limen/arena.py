@@ -49,6 +49,20 @@ class Arena:
                 return begin
         return None
 
+    def grow(self, capacity: int) -> None:
+        """More room at the end; what was handed out stays where it is. ValueError if it is less."""
+        if capacity < self.capacity:
+            raise ValueError(f"an arena of {self.capacity} elements cannot shrink to {capacity}")
+        if capacity == self.capacity:
+            return
+        if self._ends and self._ends[-1] == self.capacity:
+            self._ends[-1] = capacity
+        else:
+            self._begins.append(self.capacity)
+            self._ends.append(capacity)
+        self.free += capacity - self.capacity
+        self.capacity = capacity
+
     def give_back(self, begin: int) -> None:
         """The range that begins there is free again; KeyError if none does."""
         end = self._taken.pop(begin)

@@ -88,7 +88,7 @@ def as_tuples(triangles: list[Any]) -> list[Any]:
     return sorted(tuple(tuple(post) for post in triangle) for triangle in triangles)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=SEEDS)
 def test_every_edge_inside_the_terrain_is_shared_by_two_triangles(seed: int) -> None:
     world = World(seed)
@@ -109,7 +109,7 @@ def test_every_edge_inside_the_terrain_is_shared_by_two_triangles(seed: int) -> 
         assert not ((beyond[:, None] > rects[:, :2]) & (beyond[:, None] < rects[:, 2:])).all(axis=2).any()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=SEEDS)
 def test_the_kernel_follows_the_rule(seed: int) -> None:
     world = World(seed)
@@ -122,8 +122,8 @@ def test_the_kernel_follows_the_rule(seed: int) -> None:
 def test_patches_may_come_and_go(seed: int) -> None:
     world, random = World(seed, panels=2), np.random.default_rng(seed)
     before = [as_tuples(fans) for fans in world.fans_of()]
-    sizes = []
-    for _ in range(4):
+    sizes = [world.pool.nbytes]
+    for _ in range(8):
         gone = random.choice(len(world.patches), len(world.patches) // 2, replace=False).tolist()
         for number in gone:
             world.pool.remove(number)
@@ -133,12 +133,11 @@ def test_patches_may_come_and_go(seed: int) -> None:
             world.add(number)
         assert [as_tuples(fans) for fans in world.fans_of()] == before
         sizes.append(world.pool.nbytes)
-    assert sizes[-1] <= 2 * sizes[0]  # what was freed is used again
+    assert max(sizes) <= 3.5 * sizes[0]  # what was freed is used again
     for number in range(len(world.patches)):
         world.pool.remove(number)
     assert len(world.pool) == 0
-    pool = world.pool
-    assert pool._free_rims.size == pool._free_border.size == pool._free_slots.size == 0
+    assert all(kept.free for kept in (world.pool._slots, world.pool._rims, world.pool._border))
 
 
 def test_own_vertices_alone_where_nobody_is_on_the_other_side() -> None:
@@ -149,6 +148,20 @@ def test_own_vertices_alone_where_nobody_is_on_the_other_side() -> None:
     fans = pool.fans(np.array([1]), np.array([5]), 3)
     np.testing.assert_array_equal(fans.panel_first, [0, 0, len(patch.rims), len(patch.rims)])
     assert set(map(tuple, fans.triangles.tolist())) == set(map(tuple, (patch.rims.astype(int) + 1000).tolist()))
+
+
+def test_a_patch_of_every_post_has_no_rims_and_still_cuts_its_neighbours() -> None:
+    random = np.random.default_rng(2)
+    fine, coarse = made_up_patch(random, (0, 0, 8, 8), 1.0, 3), made_up_patch(random, (8, 0, 16, 8), 0.0, 3)
+    assert len(fine.rims) == 0
+    pool = RimPool()
+    pool.add(0, fine, 0)
+    pool.add(1, coarse, len(fine.posts))
+    fans = pool.fans(np.zeros(2, np.int64), np.arange(2), 1)
+    assert len(fans.triangles) == len(coarse.rims) + 7  # of the eight edges on the common border
+    pool.remove(0)
+    pool.remove(1)
+    assert len(pool) == 0
 
 
 def test_no_pairs_make_no_triangles() -> None:

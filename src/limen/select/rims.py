@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.arena import Arena
 from limen.data.terrain import SIDES, Patch
 from limen.errors import InputError
 from limen.select import rim_kernels as kernels
-from limen.select.ranges import FreeRanges
 
 __all__ = ["Fans", "RimPool"]
 
@@ -37,10 +37,7 @@ class RimPool:
 
     def __init__(self) -> None:
         self._slot_of = np.full(0, -1, dtype=np.int32)
-        self._slots = np.zeros((0, kernels.SLOT_COLUMNS), dtype=np.int32)
-        self._rims = np.zeros((0, 6), dtype=np.int32)
-        self._border = np.zeros((0, 2), dtype=np.int32)
-        self._free_slots, self._free_rims, self._free_border = FreeRanges(), FreeRanges(), FreeRanges()
+        self._slots, self._rims, self._border = _Rows(kernels.SLOT_COLUMNS), _Rows(6), _Rows(2)
 
     def __contains__(self, patch_number: int) -> bool:
         return 0 <= patch_number < len(self._slot_of) and bool(self._slot_of[patch_number] >= 0)
@@ -51,7 +48,7 @@ class RimPool:
     @property
     def nbytes(self) -> int:
         """Memory of the pool's arrays."""
-        return self._slot_of.nbytes + self._slots.nbytes + self._rims.nbytes + self._border.nbytes
+        return self._slot_of.nbytes + sum(kept.rows.nbytes for kept in (self._slots, self._rims, self._border))
 
     def add(self, patch_number: int, patch: Patch, first_vertex: int) -> None:
         """A patch has become resident; its vertices begin at ``first_vertex`` of the vertex buffer.
@@ -66,30 +63,22 @@ class RimPool:
         rims, rim_counts = _rims_of(patch, first_vertex)
         border, border_counts = _border_of(patch, first_vertex)
         self._slot_of = _grown(self._slot_of, patch_number + 1, -1)
-        slot = self._free_slots.take(1)
-        self._slots = _grown(self._slots, self._free_slots.size)
-        rim, vertex = self._free_rims.take(len(rims)), self._free_border.take(len(border))
-        self._rims, self._border = (
-            _grown(self._rims, self._free_rims.size),
-            _grown(self._border, self._free_border.size),
-        )
-        self._rims[rim : rim + len(rims)] = rims
-        self._border[vertex : vertex + len(border)] = border
-        row = self._slots[slot]
-        row[kernels.RIM_FIRST : kernels.BORDER_FIRST] = rim + np.concatenate([[0], np.cumsum(rim_counts)])
-        row[kernels.BORDER_FIRST : kernels.LINE] = vertex + np.concatenate([[0], np.cumsum(border_counts)])
-        row[kernels.LINE :] = [patch.posts[side[0], 1 - number % 2] for number, side in enumerate(patch.sides)]
-        self._slot_of[patch_number] = slot
+        row = np.concatenate([
+            self._rims.put(rims) + np.concatenate([[0], np.cumsum(rim_counts)]),
+            self._border.put(border) + np.concatenate([[0], np.cumsum(border_counts)]),
+            [patch.posts[side[0], 1 - number % 2] for number, side in enumerate(patch.sides)],
+        ])  # fmt: skip
+        self._slot_of[patch_number] = self._slots.put(row[None])
 
     def remove(self, patch_number: int) -> None:
         """A patch is no longer resident; KeyError if it never was."""
         if patch_number not in self:
             raise KeyError(patch_number)
         slot = int(self._slot_of[patch_number])
-        row = self._slots[slot].tolist()
-        self._free_rims.give(row[kernels.RIM_FIRST], row[kernels.BORDER_FIRST - 1] - row[kernels.RIM_FIRST])
-        self._free_border.give(row[kernels.BORDER_FIRST], row[kernels.LINE - 1] - row[kernels.BORDER_FIRST])
-        self._free_slots.give(slot, 1)
+        row = self._slots.rows[slot]
+        self._rims.drop(int(row[kernels.RIM_FIRST]))
+        self._border.drop(int(row[kernels.BORDER_FIRST]))
+        self._slots.drop(slot)
         self._slot_of[patch_number] = -1
 
     def fans(self, pair_panel: NDArray[np.int64], pair_patch: NDArray[np.int64], panels: int) -> Fans:
@@ -110,11 +99,40 @@ class RimPool:
         known = np.append(self._slot_of, -1)[np.minimum(pair_patch, len(self._slot_of))]
         if (known < 0).any():
             raise KeyError(int(pair_patch[np.flatnonzero(known < 0)[0]]))
-        triangles = np.empty((_most(self._slots[known]), 3), dtype=np.uint32)
+        triangles = np.empty((_most(self._slots.rows[known]), 3), dtype=np.uint32)
         panel_first = np.zeros(panels + 1, dtype=np.int64)
         pair_first = np.searchsorted(pair_panel, np.arange(panels + 1))
-        count = kernels.fan_rims(pair_first, known, self._slots, self._rims, self._border, triangles, panel_first)
+        pools = self._slots.rows, self._rims.rows, self._border.rows
+        count = kernels.fan_rims(pair_first, known, *pools, triangles, panel_first)
         return Fans(triangles[:count], panel_first)
+
+
+class _Rows:
+    """Rows of whole numbers that come and go in one array, which grows where no free range is long enough."""
+
+    def __init__(self, columns: int) -> None:
+        self._arena = Arena(256)
+        self.rows = np.zeros((self._arena.capacity, columns), dtype=np.int32)
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing is kept."""
+        return self._arena.free == self._arena.capacity
+
+    def put(self, rows: NDArray[np.int64]) -> int:
+        """Where the rows begin; no rows have a place of their own too, so that every place can be given back."""
+        size = max(len(rows), 1)
+        begin = self._arena.take(size)
+        if begin is None:
+            self._arena.grow(2 * self._arena.capacity + size)
+            self.rows = _grown(self.rows, self._arena.capacity)
+            begin = self._arena.take(size)
+            assert begin is not None
+        self.rows[begin : begin + len(rows)] = rows
+        return begin
+
+    def drop(self, begin: int) -> None:
+        self._arena.give_back(begin)
 
 
 def _most(rows: NDArray[np.int32]) -> int:
