@@ -25,13 +25,13 @@ from limen.cli.show_mesh import MESH_DEFAULT, MeshOptions, mesh_row, print_mesh_
 from limen.cli.show_terrain import (
     TERRAIN_DEFAULT,
     TerrainOptions,
+    opened_content,
     print_terrain_rows,
     terrain_row,
     write_terrain_frames,
 )
 from limen.data.image import Image
 from limen.data.mesh import Mesh
-from limen.data.opening import open_content
 from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.draw.terrain import TerrainOverlay
@@ -130,7 +130,7 @@ def show(
         whole, panels, session, viewer, overlay, seconds, frames, scale, picture_format, simulate, seen_from, window
     )
     with ExitStack() as stack:
-        opened = open_content(content)
+        opened = opened_content(out_stream, content)
         if isinstance(opened, Image):
             stack.enter_context(opened)
             _refuse(

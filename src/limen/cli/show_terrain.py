@@ -15,7 +15,9 @@ from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.cli.show_mesh import lit_display, onlookers
 from limen.data.drape import texel_from_post
-from limen.data.image import open_image
+from limen.data.image import Image, open_image
+from limen.data.mesh import Mesh
+from limen.data.opening import open_content
 from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.draw.terrain import TerrainOverlay
@@ -32,7 +34,14 @@ from limen.terrain_stage import TerrainExhibit
 from limen.terrain_stock import Draped
 from limen.viewer import Viewer
 
-__all__ = ["TERRAIN_DEFAULT", "TerrainOptions", "print_terrain_rows", "terrain_row", "write_terrain_frames"]
+__all__ = [
+    "TERRAIN_DEFAULT",
+    "TerrainOptions",
+    "opened_content",
+    "print_terrain_rows",
+    "terrain_row",
+    "write_terrain_frames",
+]
 
 
 @Parameter(name="*", group=Group("Terrains"))
@@ -96,6 +105,12 @@ class TerrainOptions:
 
 
 TERRAIN_DEFAULT = TerrainOptions()
+
+
+def opened_content(out: Output, path: str | Path) -> Image | Mesh | Terrain:
+    """Open a file as what it is, with a bar while heights are made ready."""
+    with out.progress(f"making {Path(path).name} ready", 1000) as step:
+        return open_content(path, progress=lambda done: step.to(round(1000 * done)))
 
 
 def _interval(text: str) -> float | Literal["auto"]:

@@ -10,8 +10,12 @@ from cyclopts import Parameter
 
 from limen.cli.arguments import chosen_panels
 from limen.cli.output import DEFAULT, Common, Output
+from limen.cli.show_terrain import TERRAIN_DEFAULT, TerrainOptions
+from limen.cli.traffic_terrain import terrain_traffic
+from limen.data.elevation_type import is_terrain
 from limen.data.image import open_image
 from limen.display.display import Display
+from limen.errors import InputError
 from limen.placement import Fit, OnSurface
 from limen.select.detail import Detail
 from limen.select.image import View, view_of
@@ -42,14 +46,17 @@ def traffic(
     fit: Fit = "contain",
     per_node: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
+    terrain: TerrainOptions = TERRAIN_DEFAULT,
     common: Common = DEFAULT,
 ) -> None:
-    """Count the pages that every frame of a session needs, policy by policy, with nothing kept between frames.
+    """Count what every frame of a session needs, policy by policy, with nothing kept between frames.
+
+    Of an image that is pages; of a terrain, patches (and their triangles) and pages.
 
     Parameters
     ----------
     content
-        An image file, or one-to-one: a made-up image with a texel on every pixel of the whole display.
+        An image or terrain file, or one-to-one: a made-up image with a texel on every pixel of the whole display.
     display
         A preset's name or a display file.
     panels
@@ -58,7 +65,7 @@ def traffic(
         A, B, C (the default: all three) or session files.
     policy
         full, acuity, contrast, snellen, all but full also with +gaze appended (default: full acuity; for an image
-        file also acuity+gaze contrast contrast+gaze).
+        file also acuity+gaze contrast contrast+gaze; for a terrain full scheel acuity acuity+gaze).
     acuity_arcmin
         A row of each policy for each of these (human and snellen are names). By default acuity has rows for 1 0.64 0.5,
         the others for 0.64.
@@ -73,11 +80,23 @@ def traffic(
     """
     out = Output(common)
     whole, part = Display.named(display), chosen_panels(display, panels or [])
-    policies = _policies(content, policy, acuity_arcmin)
     sessions = [session_named(name, whole) for name in session or ["A", "B", "C"]]
     for walked in sessions:
         if walked.display != whole.name:
             out.say(f"session '{walked.name}' was made for '{walked.display}', and is counted on '{whole.name}'")
+    if content != ONE_TO_ONE and is_terrain(content):
+        if plot is not None or per_node:
+            raise InputError("--plot and --per-node are for images; leave them out for a terrain")
+        chosen = study.policies_of(
+            policy or ["full", "scheel", "acuity", "acuity+gaze"], acuity_arcmin or [HUMAN_ARCMIN]
+        )
+        terrain_traffic(out, content, whole, part, sessions, chosen, terrain, rate_hz)
+        return
+    if terrain != TERRAIN_DEFAULT:
+        raise InputError(
+            f"{content} is no terrain: leave out the options of terrains (limen traffic --help lists them)"
+        )
+    policies = _policies(content, policy, acuity_arcmin)
     if plot is not None:
         format_of(plot)  # a wrong ending should not cost a minute of counting
     view, page_bytes, detail = _view(out, content, part, fit, policies)

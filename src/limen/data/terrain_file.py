@@ -134,6 +134,13 @@ class Terrain:
         """West, south, east, north in the units of ``crs``, of pixels' outer borders."""
         return bounds_of(self.transform, self.size_posts)
 
+    @property
+    def mean_page_bytes(self) -> float:
+        """Mean size of a page of relief and one of heights together, as they are stored."""
+        files = list_files(self.path).items()
+        stored = sum(size for name, size in files if name.split("/")[0] in KINDS)
+        return stored / self.relief.pyramid.page_count
+
     def read_patch(self, patch: int) -> Patch:
         """One patch. Raises InputError for a number that does not exist, PageError where it cannot be read."""
         if not 0 <= patch < len(self.patches.node):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
+from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import FRAMES_PER_S, one_to_one_view
@@ -108,9 +109,7 @@ def count_terrain_traffic(
         Called after every frame.
     """
     quilts = pack_outlines(display, max_size_px=1 << 16, max_px=1 << 31)
-    scenery = Scenery(
-        terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid
-    )
+    scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
     sight = TerrainSight(scenery, display, quilts, settings, whole=whole or display, reference_m=reference_m)
     every = tuple(dict.fromkeys((*policies, _FULL)))
 
@@ -144,9 +143,9 @@ def count_terrain_traffic(
     )  # fmt: skip
 
 
-def _counted(sight: TerrainSight, quilts: Sequence[object], frame: Frame, policy: Policy) -> _Counted:
+def _counted(sight: TerrainSight, quilts: Sequence[Quilt], frame: Frame, policy: Policy) -> _Counted:
     demands = sight.demands(frame.viewers, policy, frame.pointers)
-    chosen = [sight.choose(quilt, frame.viewers, demands) for quilt in quilts]  # type: ignore[arg-type]
+    chosen = [sight.choose(quilt, frame.viewers, demands) for quilt in quilts]
     patches = np.unique(np.concatenate([each.cut.pair_patch for each in chosen]))
     table = sight.scenery.patches
     moved = _VERTEX_BYTES * table.vertices[patches].sum() + _TRIANGLE_BYTES * table.triangles[patches].sum()
