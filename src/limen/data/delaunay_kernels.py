@@ -28,6 +28,7 @@ class Mesh(NamedTuple):
     points: NDArray[np.int32]  # (V, 3)
     edges: NDArray[np.int32]  # (3 T, 2)
     worst: NDArray[np.float64]  # (T,): largest residual in metres
+    whole: NDArray[np.bool_]  # (T,): whether that is the largest of all places, not only of posts
     post: NDArray[np.int32]  # (T, 2): column and row of the post to insert against it
     stale: NDArray[np.int32]  # (T,)
     stack: NDArray[np.int32]  # (T + 4,): edges that may have to be flipped
@@ -78,6 +79,7 @@ def touch(mesh: Any, t: Any) -> None:
     """Have the posts of triangle ``t`` looked at again."""
     if mesh.worst[t] >= 0.0:
         mesh.worst[t] = -1.0
+        mesh.whole[t] = False
         mesh.stale[mesh.counts[2]] = t
         mesh.counts[2] += 1
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["rim_of", "scan"]
+__all__ = ["rim_of", "scan_lines", "scan_posts"]
 
 _NUDGE = 1e-6
 """Crossings of an edge and a row are multiples of 1 / 8192: this much is rounding, and no distance."""
 
-_POST, _COLUMN, _ROW, _DIAGONAL = -1, 0, 1, 2
-"""What is farthest from a triangle: a post, or a place on a line of the surface."""
+_COLUMN, _ROW, _DIAGONAL = 0, 1, 2
+"""Lines of the surface."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -143,35 +143,39 @@ def _cross_edges(mesh: Any, heights: Any, truth: Any, t: Any, worst: Any) -> Any
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cross_cones(border: Any, truth: Any, side: Any, apex: Any, i: Any, j: Any, worst: Any) -> Any:
     """Along the edges of both cones over the hulls of a border's posts from i to j."""
-    heights, lower, upper = border.heights_m[side], border.lower_m[side], border.upper_m[side]
     for k in range(i + 1, j):
         x, y = _side_of_border(border, side, k)
-        if upper[k] <= heights[k]:
-            worst = _cross(truth, apex, (x, y, upper[k]), 1, worst)
-        if lower[k] >= heights[k]:
-            worst = _cross(truth, apex, (x, y, lower[k]), -1, worst)
+        z = border.heights_m[side, k]
+        above, below = border.upper_m[side, k] <= z, border.lower_m[side, k] >= z
+        if above or below:
+            sign = (1 if above else 0) - (1 if below else 0)
+            worst = _cross(truth, apex, (x, y, z), sign, worst)
     return worst
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _corners(mesh: Any, heights: Any, t: Any, edge: Any) -> Any:
+    """Both ends of an edge of triangle ``t``, and the vertex opposite."""
+    a, b = mesh.edges[edge, 0], mesh.edges[3 * t + (edge + 1) % 3, 0]
+    apex = mesh.edges[3 * t + (edge + 2) % 3, 0]
+    return _vertex(mesh, heights, a), _vertex(mesh, heights, b), _vertex(mesh, heights, apex)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _scan_rim(mesh: Any, border: Any, heights: Any, truth: Any, t: Any, edge: Any, side: Any) -> Any:
-    """The worst place of a triangle between the cones; posts of the rows and columns around it that lie inside."""
+    """The worst of the inner posts of a rim."""
     rows, columns = truth.shape
-    k = edge % 3
-    a = _vertex(mesh, heights, mesh.edges[edge, 0])
-    b = _vertex(mesh, heights, mesh.edges[3 * t + (k + 1) % 3, 0])
-    apex = _vertex(mesh, heights, mesh.edges[3 * t + (k + 2) % 3, 0])
-    worst = 0.0, _POST, np.int64(-1), np.int64(-1), 0.0
+    a, b, apex = _corners(mesh, heights, t, edge)
+    best, best_x, best_y = 0.0, -1, -1
     for y in range(max(min(a[1], b[1], apex[1]), 1), min(max(a[1], b[1], apex[1]), rows - 2) + 1):
         for x in range(max(min(a[0], b[0], apex[0]), 1), min(max(a[0], b[0], apex[0]), columns - 2) + 1):
             left = (b[0] - apex[0]) * (y - apex[1]) - (b[1] - apex[1]) * (x - apex[0])
             right = (a[0] - apex[0]) * (y - apex[1]) - (a[1] - apex[1]) * (x - apex[0])
             if left <= 0 and right >= 0:
                 residual = _cone_residual(border, side, apex, x, y, np.float64(truth[y, x]))
-                if residual > worst[0]:
-                    worst = residual, _POST, x, y, 0.0
-    i, j = (a[0], b[0]) if side == 0 or side == 2 else (a[1], b[1])
-    return _cross_cones(border, truth, side, apex, min(i, j), max(i, j), worst)
+                if residual > best:
+                    best, best_x, best_y = residual, x, y
+    return best, best_x, best_y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -200,7 +204,7 @@ def _scan_inner(mesh: Any, heights: Any, truth: Any, t: Any) -> Any:
             residual = abs(truth[y, x] - (base + x * per_x))
             if residual > best:
                 best, best_x, best_y = residual, x, y
-    return best, _POST, best_x, best_y, 0.0
+    return best, best_x, best_y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -238,20 +242,32 @@ def _end_of(mesh: Any, kind: Any, x: Any, y: Any, f: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def scan(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None:
-    """Find how far triangle ``t`` is from the surface, and the post to insert against it."""
+def scan_posts(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None:
+    """Find the post farthest from triangle ``t``. A triangle with two long edges on borders cannot stay."""
     count, edge, side = rim_of(mesh, t)
     if count == 1:
-        worst = _scan_rim(mesh, border, heights, truth, t, edge, side)
+        residual, x, y = _scan_rim(mesh, border, heights, truth, t, edge, side)
     else:
-        worst = _scan_inner(mesh, heights, truth, t)
-    if count < 2:
-        worst = _cross_edges(mesh, heights, truth, t, worst)
-    residual, kind, x, y, f = worst
-    if kind != _POST:
-        x, y = _end_of(mesh, kind, x, y, f)
+        residual, x, y = _scan_inner(mesh, heights, truth, t)
     if count >= 2:
         residual = np.inf
         if x < 0:
             x, y = _corner_post(mesh, t)
     mesh.worst[t], mesh.post[t, 0], mesh.post[t, 1] = residual, x, y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def scan_lines(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None:
+    """Find whether triangle ``t`` is farther from the surface between posts, and the post to insert against that."""
+    count, edge, side = rim_of(mesh, t)
+    worst = mesh.worst[t], -1, np.int64(0), np.int64(0), 0.0
+    worst = _cross_edges(mesh, heights, truth, t, worst)
+    if count == 1:
+        a, b, apex = _corners(mesh, heights, t, edge)
+        i, j = (a[0], b[0]) if side == 0 or side == 2 else (a[1], b[1])
+        worst = _cross_cones(border, truth, side, apex, min(i, j), max(i, j), worst)
+    residual, kind, x, y, f = worst
+    if residual > mesh.worst[t]:
+        x, y = _end_of(mesh, kind, x, y, f)
+        mesh.worst[t], mesh.post[t, 0], mesh.post[t, 1] = residual, x, y
+    mesh.whole[t] = True

@@ -69,6 +69,7 @@ def _new_mesh(triangles: int, vertices: int, taken: NDArray[np.bool_]) -> Mesh:
         np.empty((vertices, 3), np.int32),
         np.empty((3 * triangles, 2), np.int32),
         np.empty(triangles),
+        np.empty(triangles, np.bool_),
         np.empty((triangles, 2), np.int32),
         np.empty(triangles, np.int32),
         np.empty(triangles + 4, np.int32),

@@ -9,7 +9,7 @@ from numba import njit
 
 from limen.data.border_kernels import insert_beside
 from limen.data.delaunay_kernels import insert, locate, touch
-from limen.data.residual_kernels import rim_of, scan
+from limen.data.residual_kernels import rim_of, scan_lines, scan_posts
 
 __all__ = ["DONE", "FULL", "OVER", "extract", "improve", "scan_stale", "seed", "worst_of_all"]
 
@@ -20,7 +20,7 @@ DONE, FULL, OVER = 0, 1, 2
 @njit(cache=True, nogil=True, error_model="numpy")
 def scan_stale(mesh: Any, border: Any, heights: Any, truth: Any) -> None:
     for s in range(mesh.counts[2]):
-        scan(mesh, border, heights, truth, mesh.stale[s])
+        scan_posts(mesh, border, heights, truth, mesh.stale[s])
     mesh.counts[2] = 0
 
 
@@ -68,12 +68,20 @@ def _drop_first(keys: Any, items: Any, size: Any) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _collect(mesh: Any, error: Any, keys: Any, items: Any) -> Any:
+    """A heap of the triangles that are worse than ``error``; how many."""
     size = 0
     for t in range(mesh.counts[1]):
         if mesh.worst[t] > error:
             _push(keys, items, size, mesh.worst[t], t)
             size += 1
     return size
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look_between_posts(mesh: Any, border: Any, heights: Any, truth: Any) -> None:
+    for t in range(mesh.counts[1]):
+        if not mesh.whole[t]:
+            scan_lines(mesh, border, heights, truth, t)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -87,26 +95,29 @@ def _insert_against(mesh: Any, border: Any, t: Any) -> None:
     touch(mesh, t)
     if mesh.taken[y, x]:
         return
-    if y == 0:
-        insert_beside(mesh, border, 0, x)
-    elif x == columns - 1:
-        insert_beside(mesh, border, 1, y)
-    elif y == rows - 1:
-        insert_beside(mesh, border, 2, x)
-    elif x == 0:
-        insert_beside(mesh, border, 3, y)
-    else:
+    if 0 < x < columns - 1 and 0 < y < rows - 1:
         insert(mesh, locate(mesh, t, x, y), x, y)
+    else:
+        side = 0 if y == 0 else (2 if y == rows - 1 else (1 if x == columns - 1 else 3))
+        insert_beside(mesh, border, side, x if side % 2 == 0 else y)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def improve(mesh: Any, border: Any, heights: Any, truth: Any, error: Any, most: Any) -> Any:
-    """Insert the worst post of all until none is worse than ``error``, or there are more than ``most`` triangles."""
+    """Insert the worst post of all until no place is worse than ``error``, or there are more than ``most`` triangles.
+
+    Places between posts are looked at when no post is too far any more: two thirds of all triangles are gone by then.
+    """
     room = mesh.worst.shape[0]
     keys, items = np.empty(2 * room, dtype=np.float64), np.empty(2 * room, dtype=np.int32)
     scan_stale(mesh, border, heights, truth)
     size = _collect(mesh, error, keys, items)
-    while size > 0:
+    while True:
+        if size == 0:
+            _look_between_posts(mesh, border, heights, truth)
+            size = _collect(mesh, error, keys, items)
+            if size == 0:
+                return OVER if mesh.counts[1] > most else DONE
         if mesh.counts[1] > most:
             return OVER
         if mesh.counts[1] + 2 > room or mesh.counts[0] == mesh.points.shape[0]:
@@ -122,12 +133,11 @@ def improve(mesh: Any, border: Any, heights: Any, truth: Any, error: Any, most: 
             size = _collect(mesh, error, keys, items)
         for s in range(mesh.counts[2]):
             t = mesh.stale[s]
-            scan(mesh, border, heights, truth, t)
+            scan_posts(mesh, border, heights, truth, t)
             if mesh.worst[t] > error:
                 _push(keys, items, size, mesh.worst[t], t)
                 size += 1
         mesh.counts[2] = 0
-    return OVER if mesh.counts[1] > most else DONE
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
