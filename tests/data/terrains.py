@@ -74,3 +74,19 @@ def vertical_errors_m(heights_m: NDArray[np.float32], triangles: Iterable[Triang
         error = np.where(inside, abs(surface - z[top:bottom, left:right]), -1.0)
         worst[top:bottom, left:right] = np.maximum(worst[top:bottom, left:right], error)
     return worst
+
+
+def errors_between_posts_m(heights_m: NDArray[np.float32], triangles: list[Triangle], each: int = 8, seed: int = 0):
+    """|triangulation - surface of all posts| at random places in every triangle (T, each)."""
+    rng = np.random.default_rng(seed)
+    weights = rng.dirichlet((0.5, 0.5, 0.5), (len(triangles), each))  # many near edges
+    corners = np.array(triangles)
+    z = heights_m.astype(np.float64)
+    surface = (weights * z[corners[..., 1], corners[..., 0]][:, None, :]).sum(axis=-1)
+    x, y = np.moveaxis((weights[..., None] * corners[:, None]).sum(axis=2), -1, 0)
+    i = np.clip(x.astype(int), 0, heights_m.shape[1] - 2)
+    j = np.clip(y.astype(int), 0, heights_m.shape[0] - 2)
+    u, v = x - i, y - j
+    a, b, c, d = z[j, i], z[j, i + 1], z[j + 1, i + 1], z[j + 1, i]
+    upper, lower = a + u * (b - a) + v * (c - b), a + v * (d - a) + u * (c - d)
+    return abs(surface - np.where(u >= v, upper, lower))

@@ -52,7 +52,7 @@ def patch_of(block: Block, heights_m: NDArray[np.float32], number: int) -> Patch
     return exact_patch(heights_m[own], (left, top, right, bottom))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.data())
 def test_every_cut_is_whole_and_keeps_the_error_of_each_patch(data: st.DataObject) -> None:
     kind = data.draw(st.sampled_from(KINDS))
@@ -77,6 +77,10 @@ def test_every_cut_is_whole_and_keeps_the_error_of_each_patch(data: st.DataObjec
         errors_m = terrains.vertical_errors_m(heights_m, own, ORIGIN)
         counted = errors_m if void is None else np.where(void, 0.0, errors_m)
         assert counted.max() <= block.patches.error_m[number] + ROUNDING_M
+        if void is None:
+            at = [tuple((x - ORIGIN[0], y - ORIGIN[1]) for x, y in triangle) for triangle in own]
+            between_m = terrains.errors_between_posts_m(heights_m, at)
+            assert between_m.max() <= block.patches.error_m[number] + ROUNDING_M
         left, top, right, bottom = block.nodes.rect[block.patches.node[number]] - np.array(ORIGIN * 2)
         assert (errors_m[top : bottom + 1, left : right + 1] >= 0.0).all()
     rows, columns = heights_m.shape

@@ -194,11 +194,12 @@ def _scan_inner(mesh: Any, heights: Any, truth: Any, t: Any) -> Any:
     upper_slope = ux / uy if by > ay else 0.0
     lower_slope = (cx - bx) / (cy - by) if cy > by else 0.0
     best, best_x, best_y = 0.0, -1, -1
-    for y in range(int(max(ay, 1)), int(min(cy, rows - 1))):
+    top, bottom = max(ay, 1), min(cy, rows - 1)
+    for y in range(top, bottom):
         p = ax + (y - ay) * slope
         q = ax + (y - ay) * upper_slope if y < by else bx + (y - by) * lower_slope
-        start = max(np.int64(np.ceil(min(p, q) - _NUDGE)), 1)
-        end = min(np.int64(np.ceil(max(p, q) - _NUDGE)), columns - 1)
+        start = max(int(np.ceil(min(p, q) - _NUDGE)), 1)
+        end = min(int(np.ceil(max(p, q) - _NUDGE)), int(columns - 1))
         base = az + (y - ay) * per_y - ax * per_x
         for x in range(start, end):
             residual = abs(truth[y, x] - (base + x * per_x))
@@ -218,7 +219,7 @@ def _corner_post(mesh: Any, t: Any) -> Any:
             a, b = edges[3 * t + (k + 1) % 3, 0], edges[3 * t + (k + 2) % 3, 0]
             u = np.int64(abs(points[a, 0] - points[v, 0]) + abs(points[a, 1] - points[v, 1]))
             w = np.int64(abs(points[b, 0] - points[v, 0]) + abs(points[b, 1] - points[v, 1]))
-            reach = max(u * w // (u + w) // 2, 1)
+            reach = max(u * w // (u + w) // 2, np.int64(1))
             x, y = points[v, 0], points[v, 1]
     return (reach if x == 0 else x - reach), (reach if y == 0 else y - reach)
 
