@@ -171,9 +171,10 @@ class TerrainSight:
         pages = pages_for_terrain(cut, nodes, patches, pyramid, views, quilt.size_px, place, allowed_px)
         if scenery.drape_pyramid is None or scenery.texel_from_post is None:
             return pages, TerrainPages(pages.pages[:0], pages.importance[:0])
-        texels, room_from_texels = _in_texels(nodes, scenery.texel_from_post, place)
-        pyramid = scenery.drape_pyramid
-        draped = pages_for_terrain(cut, texels, patches, pyramid, views, quilt.size_px, room_from_texels, allowed_px)
+        draped = pages_for_terrain(
+            cut, nodes, patches, scenery.drape_pyramid, views, quilt.size_px, place, allowed_px,
+            texel_from_post=scenery.texel_from_post,
+        )  # fmt: skip
         return pages, draped
 
 
@@ -183,13 +184,3 @@ def merged(parts: Sequence[tuple[NDArray[np.int64], Floats]]) -> NDArray[np.int6
     ordered = numbers[np.argsort(-importance, kind="stable")].astype(np.int64)
     _, first = np.unique(ordered, return_index=True)
     return np.asarray(ordered[np.sort(first)])
-
-
-def _in_texels(nodes: Nodes, texel_from_post: Floats, room_from_posts: Floats) -> tuple[Nodes, Floats]:
-    """The nodes' rectangles in texels of a drape, rounded outward, and the room from those."""
-    corners = nodes.rect[:, [0, 1, 2, 1, 0, 3, 2, 3]].reshape(-1, 4, 2)
-    texels = corners @ texel_from_post[:, :2].T + texel_from_post[:, 2]
-    rect = np.concatenate([np.floor(texels.min(axis=1)), np.ceil(texels.max(axis=1))], axis=1).astype(np.int32)
-    matrix = np.eye(4)
-    matrix[:2, :2], matrix[:2, 3] = texel_from_post[:, :2], texel_from_post[:, 2]
-    return nodes._replace(rect=rect), np.asarray(room_from_posts @ np.linalg.inv(matrix))

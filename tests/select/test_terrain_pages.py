@@ -20,6 +20,7 @@ from limen.select.terrain_pages import pages_for_terrain, texel_tolerance_px
 
 SEEDS = st.integers(0, 10_000)
 COLUMNS, ROWS = 512 * 4, 256 * 4
+POSTS = np.eye(2)
 
 
 def enlarged(nodes: Nodes, factor: int) -> Nodes:
@@ -27,8 +28,8 @@ def enlarged(nodes: Nodes, factor: int) -> Nodes:
     return nodes._replace(rect=nodes.rect * factor)
 
 
-def footprints(scene: Scene, panel: int, places: Floats, slopes: Floats) -> Floats:
-    """Larger side of a pixel's footprint in posts, on ground with the slopes (metres a column, a row): by its rays.
+def footprints(scene: Scene, panel: int, places: Floats, slopes: Floats, texel_from_post: Floats = POSTS) -> Floats:
+    """Larger side of a pixel's footprint in texels, on ground with the slopes (metres a column, a row): by its rays.
 
     The place that is seen half a pixel to either side lies where the ray through it meets the ground's plane.
     """
@@ -46,7 +47,7 @@ def footprints(scene: Scene, panel: int, places: Floats, slopes: Floats) -> Floa
             origin = np.linalg.solve(room, -way.T).T  # the eye, as seen from the place
             normal = np.column_stack([-slopes, np.ones(len(places))])
             length = -(origin * normal).sum(axis=1) / (ray * normal).sum(axis=1)
-            ends.append((origin + ray * length[:, None])[:, :2])
+            ends.append((origin + ray * length[:, None])[:, :2] @ texel_from_post.T)
         larger = np.maximum(larger, np.linalg.norm(ends[1] - ends[0], axis=1) * 1e3)
     return larger
 
@@ -57,12 +58,15 @@ def test_every_pixel_finds_its_page(seed: int, allowed: Floats, drape: bool) -> 
     nodes, patches = made_up_terrain(seed)
     nodes = enlarged(nodes, 4)
     scene, random = made_up_scene(seed, columns=COLUMNS, rows=ROWS), np.random.default_rng(seed)
-    scale, begin = (1.7, np.array([3.0, -40.0])) if drape else (1.0, np.array([0.5, 0.5]))
+    own = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
+    # A picture that lies turned and mirrored on the ground, whose columns are 3 m and rows 4 m apart, and beyond it.
+    turned = np.array([[0.8 * 3, 0.6 * 4, -700.0], [0.6 * 3, -0.8 * 4, 1500.0]]) * 0.5
+    place = turned if drape else own
     size_px = (3000, 1500) if drape else (COLUMNS, ROWS)
     pyramid = Pyramid.of(size_px)
     args = (scene.views, scene.quilt_size_px, scene.room_from_posts, allowed)
     cut = select_terrain(nodes, patches, *args)
-    wanted = pages_for_terrain(cut, nodes, patches, pyramid, *args, texels_from_posts=(scale, scale, *begin))
+    wanted = pages_for_terrain(cut, nodes, patches, pyramid, *args, texel_from_post=turned if drape else None)
     assert (np.diff(wanted.importance) <= 0).all()
     chosen = set(wanted.pages.tolist())
     assert len(chosen) == len(wanted.pages)
@@ -73,13 +77,15 @@ def test_every_pixel_finds_its_page(seed: int, allowed: Floats, drape: bool) -> 
             c0, r0, c1, r1 = nodes.rect[node]
             places = random.uniform([c0, r0, low], [c1, r1, high], (60, 3))
             places = places[scene.sees(panel, places)]
-            texel = places[:, :2] * scale + begin
+            texel = places[:, :2] @ place[:, :2].T + place[:, 2]
             inside = ((texel >= 0) & (texel < size_px)).all(axis=1)
             places, texel = places[inside], texel[inside]
             # Ground of any slope, the most are nearly level in the room or nearly upright.
             slopes = random.normal(size=(len(places), 2)) * 10 ** random.uniform(-3, 3, (len(places), 1))
-            texels = footprints(scene, panel, places, slopes) * scale * texel_tolerance_px(allowed)[panel]
-            level = np.clip(np.floor(np.log2(texels)), 0, len(pyramid.levels) - 1).astype(np.int64)
+            sides = footprints(scene, panel, places, slopes, place[:, :2])
+            level = np.clip(
+                np.floor(np.log2(sides * texel_tolerance_px(allowed)[panel])), 0, len(pyramid.levels) - 1
+            ).astype(np.int64)
             column, row = (texel // (PAGE * 2.0 ** level[:, None])).astype(np.int64).T
             assert set(pyramid.page_index(level, column, row).tolist()) <= chosen
 
@@ -187,10 +193,13 @@ def test_far_ground_needs_coarse_pages_and_no_more_than_it_shows() -> None:
     assert texels < 4 * shown
 
 
-def test_a_texture_must_not_be_turned_over() -> None:
+def test_a_map_of_another_shape_is_named() -> None:
     nodes, patches = made_up_terrain(0)
     scene = made_up_scene(0)
     args = (scene.views, scene.quilt_size_px, scene.room_from_posts, np.ones(2))
     cut = select_terrain(nodes, patches, *args)
-    with pytest.raises(InputError, match="scales above 0"):
-        pages_for_terrain(cut, nodes, patches, Pyramid.of((9, 9)), *args, texels_from_posts=(1.0, -1.0, 0.0, 9.0))
+    with pytest.raises(InputError, match="texel_from_post must be of shape"):
+        pages_for_terrain(cut, nodes, patches, Pyramid.of((9, 9)), *args, texel_from_post=np.eye(3))
+    sheared = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    with pytest.raises(InputError, match="right angles"):
+        pages_for_terrain(cut, nodes, patches, Pyramid.of((9, 9)), *args, texel_from_post=sheared)

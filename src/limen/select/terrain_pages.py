@@ -21,9 +21,9 @@ from limen.select.terrain import TerrainCut
 from limen.select.terrain_forms import terrain_forms
 from limen.view import PanelViews
 
-__all__ = ["POSTS", "TerrainPages", "pages_for_terrain", "texel_tolerance_px"]
+__all__ = ["OWN_TEXEL_FROM_POST", "TerrainPages", "pages_for_terrain", "texel_tolerance_px"]
 
-POSTS = (1.0, 1.0, 0.5, 0.5)
+OWN_TEXEL_FROM_POST = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 
 
 class TerrainPages(NamedTuple):
@@ -49,7 +49,7 @@ def pages_for_terrain(
     allowed_px: Floats,
     kept: float = KEPT,
     *,
-    texels_from_posts: tuple[float, float, float, float] = POSTS,
+    texel_from_post: Floats | None = None,
 ) -> TerrainPages:
     """The pages of a texture laid over the terrain that the panels' pixels ask for.
 
@@ -62,23 +62,24 @@ def pages_for_terrain(
         As the cut was selected with.
     kept
         What is left of a texel's fineness when it is drawn; see `limen.select.detail.KEPT`.
-    texels_from_posts
-        Where posts lie in the texture, in texels of full resolution from its corner: scale along columns and rows, then
-        the place of post 0. By default the terrain's own textures, whose texel ``i`` has its centre on post ``i``.
+    texel_from_post
+        Affine map of shape (2, 3) from column and row to texels of full resolution, texel (i, j) from i to i + 1 and j
+        to j + 1. By default that of the terrain's own textures, whose texel (i, j) has its centre on post (i, j).
 
     Raises
     ------
     InputError
-        If a scale is not positive, or the terrain is sheared.
+        If the map is of another shape, or columns and rows of terrain or texture are not at right angles in the room.
     """
-    across, along, left, above = texels_from_posts
-    if not (across > 0 and along > 0):
-        raise InputError(f"texels_from_posts must have scales above 0, got {across} and {along}")
-    texels = np.array([[across, 0, 0, left], [0, along, 0, above], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    place = OWN_TEXEL_FROM_POST if texel_from_post is None else np.asarray(texel_from_post, dtype=float)
+    if place.shape != (2, 3):
+        raise InputError(f"texel_from_post must be of shape (2, 3), got {place.shape}")
+    texels = np.eye(4)
+    texels[:2, :2], texels[:2, 3] = place[:, :2], place[:, 2]
     node = patches.node[cut.pair_patch]
-    rect = nodes.rect[node] * [across, along, across, along] + [left, above, left, above]
+    corners = nodes.rect[node][:, [0, 1, 2, 1, 0, 3, 2, 3]].reshape(-1, 4, 2) @ place[:, :2].T + place[:, 2]
     low_high = nodes.low_high_m[node].astype(float)
-    box = np.column_stack([rect[:, :2], low_high[:, :1], rect[:, 2:], low_high[:, 1:]])
+    box = np.column_stack([corners.min(axis=1), low_high[:, :1], corners.max(axis=1), low_high[:, 1:]])
     levels = pyramid.levels
     grid = kernels.Grid(
         np.array([level.columns for level in levels], dtype=np.int64),
