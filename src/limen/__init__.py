@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
     from limen.frame import render as render
+    from limen.look_at import LookAt as LookAt
     from limen.tolerance import Tolerance as Tolerance
+    from limen.viewer import Pointer as Pointer
     from limen.viewer import Viewer as Viewer
     from limen.vision.acuity import optimal_distance_m as optimal_distance_m
     from limen.vision.contrast import sensitivity as sensitivity
@@ -28,9 +30,11 @@ _HOMES = {
     "Display": "limen.display.display",
     "Image": "limen.data.image",
     "LimenError": "limen.errors",
+    "LookAt": "limen.look_at",
     "Mesh": "limen.data.mesh",
     "Panel": "limen.display.panel",
     "Terrain": "limen.data.terrain_file",
+    "Pointer": "limen.viewer",
     "Tolerance": "limen.tolerance",
     "Viewer": "limen.viewer",
     "open": "limen.data",
@@ -45,8 +49,10 @@ __all__ = [
     "Display",
     "Image",
     "LimenError",
+    "LookAt",
     "Mesh",
     "Panel",
+    "Pointer",
     "Terrain",
     "Tolerance",
     "Viewer",
