@@ -22,7 +22,7 @@ SEEDS = st.integers(0, 100_000)
 class World:
     """Panels with tilings of their own; patches in one vertex buffer, in an order that is not theirs."""
 
-    def __init__(self, seed: int, panels: int = 3, size: int = 32, smallest: int = 4, kept: float = 0.85) -> None:
+    def __init__(self, seed: int, panels: int = 2, size: int = 24, smallest: int = 3, kept: float = 0.85) -> None:
         random = np.random.default_rng(seed)
         self.rects: list[Rect] = []
         self.cuts: list[list[int]] = []

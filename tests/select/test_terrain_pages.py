@@ -52,7 +52,7 @@ def footprints(scene: Scene, panel: int, places: Floats, slopes: Floats, texel_f
     return larger
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=SEEDS, allowed=st.lists(st.floats(0.2, 30), min_size=2, max_size=2).map(np.array), drape=st.booleans())
 def test_every_pixel_finds_its_page(seed: int, allowed: Floats, drape: bool) -> None:
     nodes, patches = made_up_terrain(seed)
@@ -148,7 +148,7 @@ def test_the_kernel_follows_the_rule(seed: int) -> None:
     assert set(pages_for_terrain(cut, nodes, patches, pyramid, *args).pages.tolist()) == expected
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=SEEDS, allowed=st.floats(0.2, 30))
 def test_coarser_pages_of_a_page_come_with_it_and_before_it(seed: int, allowed: float) -> None:
     nodes, patches = made_up_terrain(seed)
