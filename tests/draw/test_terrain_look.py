@@ -1,0 +1,100 @@
+"""Colours, sun and tints of a terrain, and the rows that its shaders read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import limen.draw.terrain_records as records
+from limen.data.terrain import Nodes
+from limen.draw.terrain_look import TerrainLook, contour_interval_m, panel_tints, tint_range_m, toward_sun
+from limen.errors import InputError
+from limen.gpu.structs import wgsl_struct
+from limen.view import NEAR_M
+
+SHADERS = [Path(records.__file__).parent / name for name in ("terrain.wgsl", "terrain_clip.wgsl")]
+STRUCTS = {"Terrain": records.TERRAIN, "TerrainView": records.TERRAIN_VIEW, "Source": records.SOURCE}
+
+
+def uncommented(text: str) -> str:
+    return "\n".join(line for line in text.splitlines() if not line.strip().startswith("//"))
+
+
+@pytest.mark.parametrize("name", STRUCTS)
+def test_structs_are_those_of_the_shaders(name: str) -> None:
+    texts = [uncommented(path.read_text()) for path in SHADERS]
+    assert wgsl_struct(name, STRUCTS[name]) in texts[0]
+    if name != "Source":
+        assert wgsl_struct(name, STRUCTS[name]) in texts[1]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("colours", "rainbow"), ("azimuth_deg", np.inf), ("altitude_deg", 91.0), ("altitude_deg", -1.0),
+        ("ambient", 1.5), ("contour_interval_m", -5.0), ("contour_interval_m", "some"),
+        ("contour_interval_m", np.nan), ("tint_range_m", (5.0, 5.0)), ("sea_level_m", np.nan),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_by_its_name(field: str, value: object) -> None:
+    with pytest.raises(InputError, match=field):
+        TerrainLook(**{field: value})
+
+
+def test_the_sun_of_maps_stands_in_the_north_west() -> None:
+    east, north, up = toward_sun(TerrainLook())
+    assert (east, north, up) == pytest.approx((-0.5, 0.5, np.sqrt(0.5)))
+
+
+@given(st.floats(-500, 8000), st.floats(0.01, 9000))
+def test_automatic_intervals_are_round_and_leave_some_lines(low: float, extent: float) -> None:
+    interval = contour_interval_m(TerrainLook(contour_interval_m="auto"), low, low + extent)
+    digit = interval / 10 ** np.floor(np.log10(interval) + 1e-9)
+    assert min(abs(digit - round_) for round_ in (1, 2, 5)) < 1e-6
+    assert 14 < extent / interval < 44
+
+
+def test_a_plain_has_no_automatic_lines_and_still_a_range_of_tints() -> None:
+    assert contour_interval_m(TerrainLook(contour_interval_m="auto"), 3.0, 3.0) == 0
+    assert tint_range_m(TerrainLook(), 3.0, 3.0) == (3.0, 4.0)
+    assert tint_range_m(TerrainLook(sea_level_m=0.0), -50.0, 900.0) == (0.0, 900.0)
+
+
+def test_tints_tell_class_by_hue_and_error_by_brightness() -> None:
+    seen = np.array([0, 1, 2, 3, 2], np.int8)
+    tints = panel_tints(seen, np.array([1.0, 1.0, 1.0, 1.0, 4.0]))
+    assert len({tuple(row) for row in tints[:4, :3].round(4).tolist()}) == 4
+    np.testing.assert_allclose(tints[4, :3], tints[2, :3] / 2, rtol=1e-6)
+
+
+@given(
+    st.lists(st.tuples(*[st.integers(0, 500)] * 2, *[st.integers(1, 90)] * 2), min_size=1, max_size=6),
+    st.tuples(*[st.floats(-9, 9)] * 3), st.floats(-3, 3),
+)  # fmt: skip
+def test_no_box_is_nearer_than_the_near_plane_says(boxes: object, eye: object, turn: float) -> None:
+    rows = np.array(boxes)
+    rect = np.column_stack([rows[:, :2], rows[:, :2] + rows[:, 2:]]).astype(np.int32)
+    low_high = np.column_stack([rows[:, 2] * 1.0, rows[:, 2] + rows[:, 3]]).astype(np.float32)
+    nodes = Nodes(rect, low_high, np.full((len(rows), 4), -1, np.int32), np.arange(len(rows) + 1), len(rows))
+    room = np.eye(4)
+    room[:3, :3] = 0.01 * np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+    near = records.nearest_m(nodes, np.arange(len(rows)), room, np.array(eye))
+    shares = np.random.default_rng(0).random((200, 3))
+    for (left, top, right, bottom), (low, high) in zip(rect.tolist(), low_high.tolist(), strict=True):
+        places = np.array([left, top, low]) + shares * np.array([right - left, bottom - top, high - low])
+        distance = np.linalg.norm(places @ room[:3, :3].T - np.array(eye), axis=1)
+        assert distance.min() >= near - 1e-9 or near == NEAR_M
+
+
+def test_places_are_counted_from_the_post_below_the_eye() -> None:
+    room = np.diag([30.0, 30.0, 1.0, 1.0])
+    origin = records.origin_near(np.array([30.0 * 65_500.4, 30.0 * 12.2, 812.3]), room, (65_536, 65_536))
+    assert origin.post.tolist() == [65_500, 12]
+    assert origin.height_m == pytest.approx(812.3, abs=1e-4)
+    assert origin.height_m == float(np.float32(origin.height_m))
+    outside = records.origin_near(np.array([-1e7, 1e9, 0.0]), room, (65_536, 65_536))
+    assert outside.post.tolist() == [0, 65_535]
