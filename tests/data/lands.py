@@ -10,6 +10,7 @@ import numpy as np
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.data.terrain import Nodes, Patch, PatchTable
+from limen.data.tin_tree import build_tree, exact_patch
 from limen.errors import PageError
 
 
@@ -140,6 +141,26 @@ class GridLand:
     def heights(self) -> RasterPages:
         share = (self.heights_m.astype(float) - self.low_m) / max(self.high_m - self.low_m, 1e-9)
         return RasterPages(page_levels(share[..., None], ~self.void, height_code))
+
+
+class TinLand(GridLand):
+    """Heights triangulated as limen does, one root block; patches that hold every post are made when read."""
+
+    def __init__(self, heights: Any, errors_m: Any, *, leaf: int = 16, max_triangles: int = 200) -> None:
+        self.heights_m = np.asarray(heights, np.float32)
+        self.void = np.zeros(self.heights_m.shape, bool)
+        self.spacing_m, self.size_posts = (1.0, 1.0), self.heights_m.shape[::-1]
+        self.low_m, self.high_m = float(self.heights_m.min()), float(self.heights_m.max())
+        block = build_tree(self.heights_m, None, errors_m, leaf=leaf, max_triangles=max_triangles)
+        self.nodes, self.patches, self.contents = block.nodes, block.patches, block.contents
+
+    def read_patch(self, patch: int) -> Patch:
+        content = self.contents[patch]
+        if content is not None:
+            return content
+        left, top, right, bottom = self.nodes.rect[self.patches.node[patch]].tolist()
+        part = np.ascontiguousarray(self.heights_m[top : bottom + 1, left : right + 1])
+        return exact_patch(part, (left, top, right, bottom))
 
 
 def height_code(share: Any) -> Any:
