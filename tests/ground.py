@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
-from rasterio.transform import from_origin
+from rasterio import Affine
 
 SIZE = (321, 257)
 LAKE_M = 120.0
@@ -28,7 +28,7 @@ def write_dem(path: Path) -> Path:
     heights = hills()
     with rasterio.open(
         path, "w", driver="GTiff", width=SIZE[0], height=SIZE[1], count=1, dtype="int16", crs="EPSG:32611",
-        transform=from_origin(300_000, 4_200_000, 30, 30), nodata=-32768,
+        transform=Affine(30, 0, 300_000, 0, -30, 4_200_000), nodata=-32768,
     ) as dem:  # fmt: skip
         dem.write(heights, 1)
     return path

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from limen.data.image import Image
 from limen.data.terrain_file import Terrain
 from limen.draw.terrain import Drape, PageTables, TerrainLayer
+from limen.errors import FormatError
 from limen.geometry import Floats
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
@@ -56,6 +57,8 @@ class TerrainStock:
     ------
     InputError
         If the terrain's coarsest patches do not fit into ``gpu_bytes``.
+    FormatError
+        If the terrain's coarsest patches cannot be read.
     DeviceLimitError
         If the adapter cannot hold so much.
     """
@@ -92,6 +95,17 @@ class TerrainStock:
         self._versions: tuple[int, ...] = ()
         self._changed_s = -np.inf
         self._tables: PageTables | None = None
+        self._await_roots(terrain)
+
+    def _await_roots(self, terrain: Terrain) -> None:
+        """Wait for the coarsest patches, which every later frame falls back on."""
+        nothing = np.zeros(0, np.int64)
+        self.fetch(Wishes(nothing, nothing, nothing, nothing))
+        if not self.places.resident[terrain.nodes.first_patch[: terrain.nodes.roots]].all():
+            self.close()
+            raise FormatError(
+                f"{terrain.path}: its coarsest patches cannot be read: it is damaged, `limen ingest` it anew"
+            )
 
     @property
     def places(self) -> PatchPlaces:
