@@ -59,12 +59,46 @@ def test_a_mesh_is_made_and_told(capsys, tmp_path):
     assert "kept as 1024 x 256 texels" in out
 
 
+def test_a_terrain_is_made_told_and_made_ready(capsys, tmp_path):
+    source, folder = tmp_path / "t.tif", tmp_path / "t.terrain"
+    code, out, _ = run(capsys, "sample", "terrain", source, "--size", 300, "--seed", 3, "--json")
+    made = json.loads(out)
+    assert (code, made["size"], made["spacing_m"]) == (0, [300, 300], 30.0)
+    code, out, _ = run(capsys, "info", source, "--json")
+    raw = json.loads(out)
+    assert (code, raw["kind"], raw["size"], raw["ready"]) == (0, "terrain", [300, 300], False)
+    assert raw["bounds"] == [300_000.0, 4_391_000.0, 309_000.0, 4_400_000.0]
+    code, out, err = run(capsys, "ingest", source, folder, "--json")
+    report = json.loads(out)
+    assert (code, err, report["posts"], report["void_share"]) == (0, "", 90_000, 0.0)
+    assert {"path", "seconds", "peak_rss_mib", "triangles", "bytes"} <= report.keys()
+    code, out, _ = run(capsys, "info", folder, "--json")
+    ready = json.loads(out)
+    assert (ready["ready"], ready["levels"]) == (True, [[300, 300], [150, 150]])
+    assert ready["height_range_m"] == raw["height_range_m"]
+    assert ready["triangles"][-1] == report["triangles"]
+    code, out, _ = run(capsys, "info", folder)
+    assert "300 x 300 posts, 30 x 30 m apart" in out
+    assert "WGS 84 / UTM zone 11N" in out
+    code, out, err = run(capsys, "ingest", source, tmp_path / "t2.tif")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "name DST so" in err
+    code, out, err = run(capsys, "ingest", source, folder, "--spacing-m", "10", "--band", "1")
+    assert (code, json.loads(run(capsys, "info", folder, "--json")[1])["spacing_m"]) == (0, [10.0, 10.0])
+
+
 @pytest.mark.parametrize(
     "words",
     [
         ("info", "nowhere.tif"),
         ("ingest", "nowhere.tif", "b.tif"),
-        ("sample", "terrain", "out.tif"),
+        ("sample", "points", "out.las"),
+        ("sample", "terrain", "out.png"),
+        ("sample", "terrain", "out.tif", "--gigapixels", "1"),
+        ("ingest", "nowhere.tif", "b.terrain"),
+        ("ingest", "nowhere.tif", "b.terrain", "--quality", "80"),
+        ("ingest", "nowhere.tif", "b.tif", "--spacing-m", "30"),
+        ("info", "nowhere.terrain"),
         ("sample", "cheese", "out.tif"),
         ("sample", "mesh", "out.tif"),
         ("sample", "mesh", "out.ply", "--gigapixels", "1"),

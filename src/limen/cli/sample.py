@@ -10,7 +10,7 @@ from limen.errors import InputError
 
 __all__ = ["sample"]
 
-_LATER = ("terrain", "points")
+_LATER = ("points",)
 
 
 def sample(
@@ -23,18 +23,19 @@ def sample(
     aspect: float | None = None,
     common: Common = DEFAULT,
 ) -> None:
-    """Make deterministic data: an imaginary map with detail at every scale, or a bumpy torus knot.
+    """Make deterministic data: an imaginary map with detail at every scale, mountains, or a bumpy torus knot.
 
     Parameters
     ----------
     kind
-        What to make: image or mesh.
+        What to make: image, terrain or mesh.
     out
-        The file to write: .tif for an image; for a mesh .ply, or .glb with a texture.
+        The file to write: .tif for an image or a terrain's heights; for a mesh .ply, or .glb with a texture.
     gigapixels
         How large an image, in 1e9 texels (1 unless --size is given).
     size
-        How wide an image, in texels, instead of --gigapixels; how many triangles of a mesh, about (69,716).
+        How wide an image, in texels, instead of --gigapixels; how many posts along each side
+        of a terrain (4096), 30 m apart; how many triangles of a mesh, about (69,716).
     seed
         Another number, another world.
     aspect
@@ -48,10 +49,28 @@ def sample(
             if gigapixels is not None or aspect is not None:
                 raise InputError("--gigapixels and --aspect are of images; --size says how many triangles a mesh has")
             _mesh(output, out, size, seed)
+        case "terrain":
+            if gigapixels is not None or aspect is not None:
+                raise InputError("--gigapixels and --aspect are of images; --size says how many posts a side has")
+            _terrain(output, out, size, seed)
         case _ if kind in _LATER:
-            raise InputError(f"sample {kind} is not made yet; image and mesh are")
+            raise InputError(f"sample {kind} is not made yet; image, terrain and mesh are")
         case _:
-            raise InputError(f"there is no sample of kind {kind!r}; the kinds are image, mesh, {', '.join(_LATER)}")
+            raise InputError(
+                f"there is no sample of kind {kind!r}; the kinds are image, terrain, mesh, {', '.join(_LATER)}"
+            )
+
+
+def _terrain(output: Output, out: Path, size: int | None, seed: int) -> None:
+    with output.progress(f"making {out.name}", 1000) as step:
+        report = limen.data.sample_terrain(
+            out, 4096 if size is None else size, seed, progress=lambda done: step.to(round(1000 * done))
+        )
+    output.result(report)
+    output.line(
+        f"{report.path}: {report.size[0]} x {report.size[1]} posts, {report.spacing_m:g} m apart, "
+        f"{report.bytes:,} bytes, in {report.seconds:.1f} s with {report.peak_rss_mib:.0f} MiB"
+    )
 
 
 def _mesh(output: Output, out: Path, size: int | None, seed: int) -> None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from limen.data.terrain_file import Terrain
     from limen.data.terrain_info import TerrainInfo, elevation_info
     from limen.data.terrain_opening import open_terrain
+    from limen.data.terrain_sample import TerrainSampleReport, sample_terrain
 
 __all__ = [
     "CONTRAST_OF_BYTE",
@@ -43,6 +44,7 @@ __all__ = [
     "Terrain",
     "TerrainInfo",
     "TerrainReport",
+    "TerrainSampleReport",
     "elevation_info",
     "ingest",
     "ingest_terrain",
@@ -53,6 +55,7 @@ __all__ = [
     "ripple",
     "sample_image",
     "sample_mesh",
+    "sample_terrain",
     "torus_knot",
 ]
 
@@ -75,6 +78,7 @@ _HOMES = {
     "Terrain": ("terrain_file", "Terrain"),
     "TerrainInfo": ("terrain_info", "TerrainInfo"),
     "TerrainReport": ("terrain_build", "TerrainReport"),
+    "TerrainSampleReport": ("terrain_sample", "TerrainSampleReport"),
     "elevation_info": ("terrain_info", "elevation_info"),
     "ingest": ("build", "ingest"),
     "ingest_terrain": ("terrain_build", "ingest_terrain"),
@@ -85,6 +89,7 @@ _HOMES = {
     "ripple": ("mesh_sample", "ripple"),
     "sample_image": ("sample", "sample_image"),
     "sample_mesh": ("mesh_sample", "sample_mesh"),
+    "sample_terrain": ("terrain_sample", "sample_terrain"),
     "torus_knot": ("mesh_sample", "torus_knot"),
 }
 

@@ -135,7 +135,8 @@ class PatchWriter:
     """
 
     def __init__(self, group: zarr.Group, heights_dtype: np.dtype[Any]) -> None:
-        self._arrays = create_chunks(group, heights_dtype)
+        self._group = group
+        self._arrays: dict[str, Any] = {}
         self._dtype = heights_dtype
         self._open: dict[int, _Chunk] = {}
         self._full: list[_Chunk] = []
@@ -188,6 +189,8 @@ class PatchWriter:
 
     def _flush(self) -> None:
         end = self._written + len(self._full)
+        if not self._arrays:  # a small terrain has fewer chunks than a shard: none is padded
+            self._arrays = create_chunks(self._group, self._dtype, len(self._full))
         for name, array in self._arrays.items():
             array.resize((end, *array.shape[1:]))
             array[self._written : end] = np.stack([chunk.parts[name] for chunk in self._full])

@@ -119,21 +119,21 @@ def _create(group: zarr.Group, name: str, shape: Any, dtype: Any, chunks: Any, s
 
 
 def create_posts(group: zarr.Group, size_posts: tuple[int, int], dtype: Any, name: str = "posts/heights") -> Any:
-    chunk, shard = (POSTS_A_CHUNK,) * 2, (BLOCK,) * 2
-    return _create(group, name, size_posts[::-1], dtype, chunk, shard, dtype.itemsize)
+    shard = tuple(min(BLOCK, -(-size // POSTS_A_CHUNK) * POSTS_A_CHUNK) for size in size_posts[::-1])
+    return _create(group, name, size_posts[::-1], dtype, (POSTS_A_CHUNK,) * 2, shard, dtype.itemsize)
 
 
 def create_pages(group: zarr.Group, kind: str, pyramid: Pyramid) -> list[Any]:
     """One array a level."""
-    page = (EDGE, EDGE, 4)
-    shard = (_PAGES_A_SHARD, _PAGES_A_SHARD, *page)
-    return [
-        _create(group, f"{kind}/{number}", (level.rows, level.columns, *page), "uint8", (1, 1, *page), shard, 4)
-        for number, level in enumerate(pyramid.levels)
-    ]
+    page, arrays = (EDGE, EDGE, 4), []
+    for number, level in enumerate(pyramid.levels):
+        pages = level.rows, level.columns
+        shard = tuple(min(_PAGES_A_SHARD, count) for count in pages)
+        arrays.append(_create(group, f"{kind}/{number}", (*pages, *page), "uint8", (1, 1, *page), (*shard, *page), 4))
+    return arrays
 
 
-def create_chunks(group: zarr.Group, heights_dtype: Any) -> dict[str, Any]:
+def create_chunks(group: zarr.Group, heights_dtype: Any, chunks_a_shard: int) -> dict[str, Any]:
     """Arrays without any chunk yet, to be resized."""
     tails: dict[str, tuple[tuple[int, ...], Any, int]] = {
         "posts": ((CHUNK_VERTICES, 2), "uint16", 4),
@@ -141,7 +141,7 @@ def create_chunks(group: zarr.Group, heights_dtype: Any) -> dict[str, Any]:
         "triangles": ((CHUNK_TRIANGLES, 3), "uint16", 2),
     }
     return {
-        name: _create(group, f"chunks/{name}", (0, *tail), dtype, (1, *tail), (CHUNKS_A_SHARD, *tail), item_bytes)
+        name: _create(group, f"chunks/{name}", (0, *tail), dtype, (1, *tail), (chunks_a_shard, *tail), item_bytes)
         for name, (tail, dtype, item_bytes) in tails.items()
     }
 
