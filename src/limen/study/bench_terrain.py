@@ -1,0 +1,105 @@
+"""How many triangles a terrain needs at a true error: limen beside Delatin, Martini, and decimated grids."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import ClassVar
+
+import msgspec
+
+from limen.errors import InputError
+from limen.study.terrain_peers import INSTALL, PEERS, Made, missing_package
+from limen.study.triangulations import Posts, build_blocks, drawn, patches_at, true_error_m
+
+__all__ = ["ERRORS_M", "TerrainRow", "aims", "ladder_m", "triangle_rows"]
+
+Say = Callable[[str], None]
+
+ERRORS_M = (200.0, 100.0, 50.0, 20.0)
+_FINEST_M = 8.0
+"""Limen's trees are built down to here, as ingesting would, whatever errors are asked for."""
+
+
+class TerrainRow(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One way at one error."""
+
+    method: str
+    max_error_m: float
+    """Wanted."""
+    true_error_m: float
+    """Measured at all posts, by the same rasteriser for all."""
+    triangles: int
+    build_s: float
+    """Limen: the tree with all its errors, by two threads; it is the same in all rows. Others: this error alone, where
+    `martini` and `grid` measure the whole terrain once more for each."""
+
+    columns: ClassVar[tuple[str, ...]] = ("method", "max error m", "true error m", "triangles", "build s")
+
+    def cells(self) -> tuple[str, ...]:
+        errors = f"{self.max_error_m:g}", f"{self.true_error_m:.2f}"
+        return (self.method, *errors, f"{self.triangles:,}", f"{self.build_s:.2f}")
+
+
+def ladder_m(relief_m: float, errors_m: Sequence[float] = ERRORS_M) -> list[float]:
+    """Errors in steps of the square root of 2, as limen's, from half of the relief down to 8 m, and those asked for."""
+    finest_m = min(_FINEST_M, *errors_m)
+    steps = [finest_m]
+    while steps[-1] * 2**0.5 < max(relief_m / 2, *errors_m):
+        steps.append(steps[-1] * 2**0.5)
+    return sorted({*steps, *errors_m}, reverse=True)
+
+
+def triangle_rows(posts: Posts, errors_m: Sequence[float], say: Say) -> list[TerrainRow]:
+    """Rows of all ways; those that are not installed, or cannot work with this terrain, are named and skipped."""
+    tiny = Posts(posts.heights_m[:9, :9].copy(), None)
+    for _ in _limen_rows(tiny, errors_m, lambda _: None):
+        pass  # compiles the kernels, which is not to be timed
+    rows = [*_limen_rows(posts, errors_m, say)]
+    for peer, prepare in PEERS.items():
+        missing = missing_package(peer)
+        if missing:
+            say(f"{peer}: skipped, {missing} is not installed ({INSTALL})")
+            continue
+        say(peer)
+        try:
+            make = prepare(posts)
+        except InputError as error:
+            say(f"{peer}: skipped, {error}")
+            continue
+        rows += [_row(peer, error_m, make(error_m)) for error_m in errors_m]
+    return rows
+
+
+def _limen_rows(posts: Posts, errors_m: Sequence[float], say: Say) -> Iterator[TerrainRow]:
+    say("limen")
+    begin = time.perf_counter()
+    blocks = build_blocks(posts, ladder_m(float(posts.heights_m.max() - posts.heights_m.min()), errors_m))
+    build_s = time.perf_counter() - begin
+    rows, columns = posts.heights_m.shape
+    for error_m in errors_m:
+        triangles = drawn(patches_at(posts, blocks, error_m), (columns, rows))
+        yield _row("limen", error_m, Made(len(triangles), true_error_m(posts, triangles), build_s))
+
+
+def _row(method: str, error_m: float, made: Made) -> TerrainRow:
+    return TerrainRow(
+        method=method, max_error_m=error_m, true_error_m=made.true_error_m, triangles=made.triangles,
+        build_s=made.build_s,
+    )  # fmt: skip
+
+
+def aims(rows: Sequence[TerrainRow]) -> list[str]:
+    """What was aimed at, beside what these rows say of it."""
+    triangles = {(row.method, row.max_error_m): row.triangles for row in rows}
+    found = []
+    for peer, aim in (("delatin", "at most 1.35"), ("martini", "at most 0.40"), ("grid", "")):
+        ratios = {
+            error_m: count / triangles[peer, error_m]
+            for (method, error_m), count in triangles.items()
+            if method == "limen" and (peer, error_m) in triangles
+        }
+        if ratios:
+            each = ", ".join(f"{ratio:.2f} at {error_m:g} m" for error_m, ratio in ratios.items())
+            found.append(f"triangles, limen / {peer}: {each}" + (f" (aim: {aim})" if aim else ""))
+    return found
