@@ -12,35 +12,65 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.errors import InputError
 from limen.study.bench import BENCHES, Measured
 from limen.study.bench_panels import PanelsRow
+from limen.study.bench_terrain import TerrainRow, bench_terrain
 from limen.study.panels_plot import panels_plot
 from limen.study.plots import format_of
+from limen.study.terrain_frames import FrameRow, Table2
+from limen.study.terrain_source import Content, parse_crop
 
 __all__ = ["bench"]
 
+_TERRAIN = "terrain"
+_NAMES = (*BENCHES, _TERRAIN)
 
-class BenchReport(msgspec.Struct):
+
+class BenchReport(msgspec.Struct, omit_defaults=True):
     name: str
-    rows: list[Measured] | list[PanelsRow]
+    rows: list[Measured] | list[PanelsRow] | list[TerrainRow]
+    table2: list[Table2] = []
+    """Of `terrain`: the paper's second table."""
+    frames: list[FrameRow] = []
+    """Of `terrain`: one panel, beside all triangles."""
 
 
 def bench(
-    name: Annotated[str, Parameter(help=f"Which table: {', '.join(BENCHES)}.")] = "image",
+    name: Annotated[str, Parameter(help=f"Which table: {', '.join(_NAMES)}.")] = "image",
     /,
     *,
     quick: Annotated[bool, Parameter(negative="", help="A minute-long run on less data.")] = False,
     plot: Annotated[Path | None, Parameter(help="Draw the table of `panels` to a .png or .svg file.")] = None,
+    content: Annotated[
+        Path | None, Parameter(help="What `terrain` measures, a DEM or a .terrain; without it, the sample terrain.")
+    ] = None,
+    crop: Annotated[str | None, Parameter(help="Part of the DEM: ROW,COLUMN,ROWS,COLUMNS of posts.")] = None,
     common: Common = DEFAULT,
 ) -> None:
     """Measure on this machine. Timings are noisy on shared machines: they are medians, with peers in the same run."""
-    if name not in BENCHES:
-        raise InputError(f"no benchmark is named '{name}': there are {', '.join(BENCHES)}")
+    if name not in _NAMES:
+        raise InputError(f"no benchmark is named '{name}': there are {', '.join(_NAMES)}")
     if plot is not None:
         if name != "panels":
             raise InputError(f"--plot draws the benchmark 'panels', not '{name}'")
         format_of(plot)  # a wrong ending should not cost minutes of measuring
+    if name != _TERRAIN and (content is not None or crop is not None):
+        raise InputError(f"--content and --crop are for the benchmark 'terrain', not '{name}'")
+    if crop is not None and content is None:
+        raise InputError("--crop takes part of a DEM: name it with --content")
     out = Output(common)
-    rows = BENCHES[name](quick, lambda text: out.say(f"measuring {text} ..."))
-    out.table("", rows[0].columns, [row.cells() for row in rows])
+    report = _measured(name, quick, Content(content, parse_crop(crop) if crop else None), out)
+    for title, rows in (("", report.rows), ("The paper's wall", report.table2), ("One panel", report.frames)):
+        if rows:
+            out.table(title, rows[0].columns, [row.cells() for row in rows])
     if plot is not None:
-        panels_plot([row for row in rows if isinstance(row, PanelsRow)], plot)
-    out.result(BenchReport(name, rows))
+        panels_plot([row for row in report.rows if isinstance(row, PanelsRow)], plot)
+    out.result(report)
+
+
+def _measured(name: str, quick: bool, content: Content, out: Output) -> BenchReport:
+    def say(text: str) -> None:
+        out.say(f"measuring {text} ...")
+
+    if name != _TERRAIN:
+        return BenchReport(name, BENCHES[name](quick, say))
+    done = bench_terrain(quick, say, content)
+    return BenchReport(name, done.rows, done.table2, done.frames)

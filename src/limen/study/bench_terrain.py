@@ -1,4 +1,9 @@
-"""How many triangles a terrain needs at a true error: limen beside Delatin, Martini, and decimated grids."""
+"""Terrains: triangles at a true error beside peers, frames on the paper's wall, and frames beside VTK's full grid.
+
+References
+----------
+Scheel, Löffler, Lehmann, Schumann, Staadt 2014, *Dynamic Level of Detail for Tiled Large High-Resolution Displays*.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +14,18 @@ from typing import ClassVar
 import msgspec
 
 from limen.errors import InputError
+from limen.gpu.device import open_device
+from limen.study.terrain_frames import FrameRow, Table2, frame_aims, frame_rows, table2
 from limen.study.terrain_peers import INSTALL, PEERS, Made, missing_package
+from limen.study.terrain_source import SAMPLE, Content, posts_of, prepared
 from limen.study.triangulations import Posts, build_blocks, drawn, patches_at, true_error_m
 
-__all__ = ["ERRORS_M", "TerrainRow", "aims", "ladder_m", "triangle_rows"]
+__all__ = ["ERRORS_M", "TerrainBench", "TerrainRow", "aims", "bench_terrain", "ladder_m", "triangle_rows"]
 
 Say = Callable[[str], None]
 
 ERRORS_M = (200.0, 100.0, 50.0, 20.0)
+_SAMPLE, _QUICK_SAMPLE = 4097, 1025
 _FINEST_M = 8.0
 """Limen's trees are built down to here, as ingesting would, whatever errors are asked for."""
 
@@ -31,14 +40,34 @@ class TerrainRow(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Measured at all posts, by the same rasteriser for all."""
     triangles: int
     build_s: float
-    """Limen: the tree with all its errors, by two threads; it is the same in all rows. Others: this error alone, where
-    `martini` and `grid` measure the whole terrain once more for each."""
+    """Processor time, of all threads. Limen's and the grid's is that of all errors at once, the same in all rows."""
 
     columns: ClassVar[tuple[str, ...]] = ("method", "max error m", "true error m", "triangles", "build s")
 
     def cells(self) -> tuple[str, ...]:
         errors = f"{self.max_error_m:g}", f"{self.true_error_m:.2f}"
         return (self.method, *errors, f"{self.triangles:,}", f"{self.build_s:.2f}")
+
+
+class TerrainBench(msgspec.Struct, frozen=True):
+    """Three tables."""
+
+    rows: list[TerrainRow]
+    table2: list[Table2]
+    frames: list[FrameRow]
+
+
+def bench_terrain(quick: bool, say: Say, content: Content = SAMPLE) -> TerrainBench:
+    """Tables of ``limen bench terrain``."""
+    with open_device() as device, prepared(content, _QUICK_SAMPLE if quick else _SAMPLE, say) as terrain:
+        say(f"{terrain.name}: {terrain.size_posts[0]} x {terrain.size_posts[1]} posts, on {device.adapter_name}")
+        posts = posts_of(terrain)
+        frames = frame_rows(device, terrain, posts, 3 if quick else 9, say)
+        wall = table2(device, terrain, 1 if quick else 5, say)
+        rows = triangle_rows(posts, ERRORS_M, say)
+    for text in (*aims(rows), *frame_aims(frames)):
+        say(text)
+    return TerrainBench(rows, wall, frames)
 
 
 def ladder_m(relief_m: float, errors_m: Sequence[float] = ERRORS_M) -> list[float]:
@@ -73,9 +102,9 @@ def triangle_rows(posts: Posts, errors_m: Sequence[float], say: Say) -> list[Ter
 
 def _limen_rows(posts: Posts, errors_m: Sequence[float], say: Say) -> Iterator[TerrainRow]:
     say("limen")
-    begin = time.perf_counter()
+    begin = time.process_time()
     blocks = build_blocks(posts, ladder_m(float(posts.heights_m.max() - posts.heights_m.min()), errors_m))
-    build_s = time.perf_counter() - begin
+    build_s = time.process_time() - begin
     rows, columns = posts.heights_m.shape
     for error_m in errors_m:
         triangles = drawn(patches_at(posts, blocks, error_m), (columns, rows))

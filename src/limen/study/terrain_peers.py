@@ -53,9 +53,9 @@ def delatin(posts: Posts) -> Callable[[float], Made]:
     rows, columns = posts.heights_m.shape
 
     def make(error_m: float) -> Made:
-        begin = time.perf_counter()
+        begin = time.process_time()
         mesh = package.Delatin(posts.heights_m, max_error=error_m)
-        build_s = time.perf_counter() - begin
+        build_s = time.process_time() - begin
         vertices = np.asarray(mesh.vertices).reshape(-1, 3)
         column, row = vertices[:, 0].astype(np.int32), rows - 1 - vertices[:, 1].astype(np.int32)  # its y goes up
         triangles = (row * np.int32(columns) + column)[np.asarray(mesh.triangles).reshape(-1, 3)]
@@ -76,14 +76,14 @@ def martini(posts: Posts) -> Callable[[float], Made]:
     if rows != columns or (rows - 1) & (rows - 2):
         raise InputError(f"martini takes 2^n + 1 rows and columns, and not {rows} and {columns}")
     package: Any = importlib.import_module("pymartini")
-    begin = time.perf_counter()
+    begin = time.process_time()
     tile = package.Martini(columns).create_tile(posts.heights_m)
-    map_s = time.perf_counter() - begin
+    map_s = time.process_time() - begin
 
     def mesh(parameter_m: float) -> Made:
-        begin = time.perf_counter()
+        begin = time.process_time()
         vertices, indices = tile.get_mesh(parameter_m)
-        build_s = map_s + time.perf_counter() - begin
+        build_s = map_s + time.process_time() - begin
         at = np.asarray(vertices).reshape(-1, 2).astype(np.int32)
         triangles = (at[:, 1] * np.int32(columns) + at[:, 0])[np.asarray(indices).reshape(-1, 3)]
         return Made(len(triangles), true_error_m(posts, triangles), build_s)
@@ -116,9 +116,9 @@ def grid(posts: Posts) -> Callable[[float], Made]:
 
     Neighbours of different fineness leave cracks, which skirts or stitches would have to close: these are not counted.
     """
-    begin = time.perf_counter()
+    begin = time.process_time()
     found = {chunk: list(_steps(posts, chunk)) for chunk in _CHUNKS}
-    build_s = (time.perf_counter() - begin) / len(found)
+    build_s = (time.process_time() - begin) / len(found)
 
     def make(error_m: float) -> Made:
         return min((_coarsest(found[chunk], error_m, build_s) for chunk in found), key=lambda made: made.triangles)
