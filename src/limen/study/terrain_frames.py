@@ -31,12 +31,25 @@ from limen.track.stand import standing_viewer
 from limen.view import PanelViews
 from limen.viewer import Viewer
 
-__all__ = ["FrameRow", "Seen", "Table2", "displacement", "frame_aims", "frame_rows", "one_panel", "table2"]
+__all__ = [
+    "LOOK",
+    "FrameRow",
+    "Seen",
+    "Stage",
+    "Table2",
+    "choice_of",
+    "displacement",
+    "frame_aims",
+    "frame_rows",
+    "one_panel",
+    "table2",
+    "timed",
+]
 
 Say = Callable[[str], None]
 
-_LOOK = TerrainLook(colours="plain")
-_DISTANCE_M = 1.0
+LOOK = TerrainLook(colours="plain")
+"""One grey, lit by the sun: what both draw."""
 
 
 class Table2(Table2Row, frozen=True, kw_only=True):
@@ -145,30 +158,39 @@ def timed(call: Callable[[], object], repeats: int, *, by_cpu: bool) -> Times:
     return Times(statistics.median(clock), statistics.median(cpu) if by_cpu else None, repeats)
 
 
-def one_panel() -> tuple[Display, Viewer]:
-    """A panel of the paper's wall, and a viewer 1 m before its middle."""
+class Stage(NamedTuple):
+    """One panel, and a viewer before its middle."""
+
+    display: Display
+    viewer: Viewer
+
+
+def one_panel() -> Stage:
+    """A panel as those of the paper's wall, and a viewer 1 m before it."""
     pitch_m, size_px = 0.303e-3, (1920, 1200)
     width, height = (count * pitch_m for count in size_px)
     panel = Panel("panel", size_px, (-width / 2, 1.5 + height / 2, 0.0), (1, 0, 0), (0, -1, 0), (pitch_m, pitch_m))
-    return Display("panel", (panel,)), Viewer((0.0, 1.5, _DISTANCE_M), direction=(0.0, 0.0, -1.0))
+    return Stage(Display("panel", (panel,)), Viewer((0.0, 1.5, 1.0), direction=(0.0, 0.0, -1.0)))
 
 
-def frame_rows(device: Device, terrain: Terrain, posts: Posts, frames: int, say: Say) -> list[FrameRow]:
+def frame_rows(
+    device: Device, terrain: Terrain, posts: Posts, frames: int, say: Say, stage: Stage | None = None
+) -> list[FrameRow]:
     """Limen under the policy ``acuity`` and VTK's full grid, the same view of all of the terrain."""
-    display, viewer = one_panel()
+    display, viewer = stage = stage or one_panel()
     policy, eye_m = Policy("acuity"), np.array(viewer.position_m)
-    choice, room_from_posts = _choice(terrain, display, viewer, policy)
+    choice, room_from_posts = choice_of(terrain, stage, policy)
     say("limen on one panel")
     seen = displacement(terrain, posts, choice, room_from_posts)
     allowed_px = float(choice.allowed_px[0])
-    with TerrainRenderer(device, display, terrain, look=_LOOK, reference_m=viewer.position_m) as renderer:
+    with TerrainRenderer(device, display, terrain, look=LOOK, reference_m=viewer.position_m) as renderer:
         triangles, times = measure_frames(device, renderer, viewer, policy, frames)
     rows = [_row("limen", triangles, times, allowed_px, seen.error_px)]
     missing = missing_package("vtk")
     if missing:
         say(f"vtk: skipped, {missing} is not installed ({INSTALL})")
         return rows
-    grid = FullGrid(posts, room_from_posts, display.panels[0], eye_m, hillshade(posts, _LOOK))
+    grid = FullGrid(posts, room_from_posts, display.panels[0], eye_m, hillshade(posts, LOOK))
     try:
         say(f"VTK on one panel ({grid.renderer_name})")
         grid.draw()
@@ -185,8 +207,9 @@ def _row(method: str, triangles: int, times: Times, allowed_px: float, error_px:
     )  # fmt: skip
 
 
-def _choice(terrain: Terrain, display: Display, viewer: Viewer, policy: Policy) -> tuple[Choice, Floats]:
+def choice_of(terrain: Terrain, stage: Stage, policy: Policy) -> tuple[Choice, Floats]:
     """What limen draws for a viewer who is the reference eye, too, and where the terrain stands."""
+    display, viewer = stage
     quilt = pack_outlines(display)[0]
     scenery = Scenery(
         terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid, None, None
