@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
-    from limen.frame import render as render
     from limen.look_at import LookAt as LookAt
+    from limen.rendering import render as render
     from limen.tolerance import Tolerance as Tolerance
     from limen.viewer import Pointer as Pointer
     from limen.viewer import Viewer as Viewer
@@ -39,7 +39,7 @@ _HOMES = {
     "Viewer": "limen.viewer",
     "open": "limen.data",
     "optimal_distance_m": "limen.vision.acuity",
-    "render": "limen.frame",
+    "render": "limen.rendering",
     "resolution_cpd": "limen.vision.resolution",
     "sensitivity": "limen.vision.contrast",
     "visible_cpd": "limen.vision.visible",

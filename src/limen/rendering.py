@@ -1,0 +1,161 @@
+"""`render`: what every panel shows of any content, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.image import Image
+from limen.data.mesh import Mesh
+from limen.data.opening import open_content
+from limen.data.terrain_file import Terrain
+from limen.display.display import Display
+from limen.draw.image import Overlay
+from limen.draw.scene import SceneOverlay
+from limen.draw.terrain import TerrainOverlay
+from limen.errors import InputError
+from limen.frame import Renderer
+from limen.geometry import Floats
+from limen.gpu.device import Device, open_device
+from limen.look_at import LookAt
+from limen.placement import OnShape, OnSurface, Placement, mesh_in_room
+from limen.scene import SceneRenderer, Stereo
+from limen.terrain import TerrainRenderer
+from limen.terrain_choice import TerrainSettings
+from limen.tolerance import Policy
+from limen.viewer import Viewer
+from limen.vision.acuity import HUMAN_ARCMIN
+
+__all__ = ["render"]
+
+
+def render(
+    content: Image | Mesh | Terrain | str | Path,
+    display: Display,
+    viewers: Sequence[Viewer] = (),
+    policy: str | Policy = "acuity",
+    *,
+    panels: str | Sequence[str] = "*",
+    acuity_arcmin: str | float = HUMAN_ARCMIN,
+    placement: Placement | Floats | LookAt | None = None,
+    overlay: Overlay | SceneOverlay | TerrainOverlay | None = None,
+    stereo: Stereo = "none",
+    scale: float = 1.0,
+    device: Device | None = None,
+) -> dict[str, NDArray[np.uint8]]:
+    """What each panel shows: of an image or a terrain, detail as the policy asks for; of a mesh, all of it.
+
+    Parameters
+    ----------
+    content
+        An opened image, mesh or terrain, or a file's path.
+    display
+        The installation.
+    viewers
+        Who looks. Of an image, nothing is left out for nobody. A mesh or a terrain is seen by the first, whom it needs.
+    policy
+        ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.tolerance.Policy`); of a
+        terrain also ``scheel``. No policy leaves out anything of a mesh.
+    panels
+        Shell-style pattern(s) of the panels wanted.
+    acuity_arcmin
+        For all policies but ``full`` and ``scheel``: arcminutes, ``human`` or ``snellen``.
+    placement
+        How the image lies on the display: by default fitted inside the unrolled surface, centred. Of a mesh, the
+        affine map from its coordinates to the room, metres, shape (4, 4): by default `limen.placement.mesh_in_room`. Of
+        a terrain, a `limen.LookAt`: from where it is looked at by the first viewer; by default all of it is seen.
+    overlay
+        ``levels`` tints every pixel of an image by the level drawn, ``panels`` a mesh by the panel that shows it and a
+        terrain by how its panels are seen, ``patches`` shows a terrain's triangles.
+    stereo
+        Of a mesh, see `limen.scene.SceneRenderer`; with ``sequential`` there are ``name@left`` and ``name@right``.
+    scale
+        Draw panels of fewer, larger pixels (0.125 for an eighth), as for a picture of the whole room.
+    device
+        An opened adapter; by default one is opened for this call.
+
+    Returns
+    -------
+    dict
+        Panel name -> uint8 (height, width, 4), sRGB.
+
+    Raises
+    ------
+    InputError
+        For a policy, pattern or file that does not exist, a mesh or a terrain without a viewer, and what is meant for
+        another kind of content.
+    NoAdapterError
+        If there is no graphics adapter, not even a software one.
+    """
+    chosen = policy if isinstance(policy, Policy) else Policy.parse(policy, acuity_arcmin)
+    wanted = display.select(panels)
+    if scale != 1.0:
+        wanted = wanted.scaled(scale)
+    opened = open_content(content) if isinstance(content, str | Path) else content
+    asked = _Asked(display, wanted, list(viewers), chosen, placement, overlay, stereo)
+    with _lent(device) as adapter, ExitStack() as stack:
+        if isinstance(opened, Image):
+            if opened is not content:
+                stack.enter_context(opened)
+            return _image_pictures(adapter, opened, asked)
+        if not viewers:
+            raise InputError("a mesh or a terrain is drawn for somebody's eyes: give a viewer")
+        return _mesh_pictures(adapter, opened, asked) if isinstance(opened, Mesh) else _land(adapter, opened, asked)
+
+
+class _Asked(NamedTuple):
+    """What `render` was asked for, whatever the content is."""
+
+    whole: Display
+    wanted: Display
+    viewers: list[Viewer]
+    policy: Policy
+    placement: Placement | Floats | LookAt | None
+    overlay: Overlay | SceneOverlay | TerrainOverlay | None
+    stereo: Stereo
+
+
+def _image_pictures(device: Device, image: Image, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
+    placement, overlay = asked.placement, asked.overlay
+    if not isinstance(placement, OnSurface | OnShape | None) or asked.stereo != "none":
+        raise InputError("stereo and (4, 4) placements are for meshes and LookAt is for terrains, not for images")
+    if overlay not in (None, "levels"):
+        raise InputError(f"the overlay '{overlay}' is not for images: give 'levels'")
+    with Renderer(device, asked.wanted, image, placement) as renderer:
+        drawn = renderer.pictures(asked.viewers, asked.policy, overlay=overlay)
+        return {name: picture.copy() for name, picture, _ in drawn}
+
+
+def _mesh_pictures(device: Device, mesh: Mesh, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
+    placement, overlay = asked.placement, asked.overlay
+    if overlay not in (None, "panels") or isinstance(placement, OnSurface | OnShape | LookAt):
+        raise InputError("a mesh takes the overlay 'panels' and a (4, 4) placement, nothing else")
+    # The whole display says where the mesh stands, whichever panels are drawn.
+    stands = mesh_in_room(mesh.bounds, asked.whole) if placement is None else np.asarray(placement, dtype=float)
+    with SceneRenderer(device, asked.wanted, mesh, room_from_mesh=stands, stereo=asked.stereo) as scene:
+        seen = scene.pictures(asked.viewers[0], overlay=overlay)
+        return {name: picture.copy() for name, picture, _ in seen}
+
+
+def _land(device: Device, terrain: Terrain, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
+    placement, overlay = asked.placement, asked.overlay
+    if overlay not in (None, "panels", "patches") or not isinstance(placement, LookAt | None):
+        raise InputError("a terrain takes the overlay 'panels' or 'patches' and a LookAt as its placement")
+    if asked.stereo != "none":
+        raise InputError("a terrain is drawn for one eye: leave out stereo")
+    settings = TerrainSettings(placement or LookAt())
+    with TerrainRenderer(
+        device, asked.wanted, terrain, settings=settings, whole=asked.whole, reference_m=asked.viewers[0].position_m
+    ) as renderer:
+        drawn = renderer.pictures(asked.viewers, asked.policy, overlay=overlay)
+        return {name: picture.copy() for name, picture, _ in drawn}
+
+
+def _lent(device: Device | None) -> AbstractContextManager[Device]:
+    """The caller's adapter, which stays open, or one for this call."""
+    return open_device() if device is None else nullcontext(device)
