@@ -90,6 +90,15 @@ def test_no_box_is_nearer_than_the_near_plane_says(boxes: object, eye: object, t
         assert distance.min() >= near - 1e-9 or near == NEAR_M
 
 
+def test_what_is_near_is_drawn_first_on_every_panel() -> None:
+    rect = np.array([[0, 0, 8, 8], [8, 0, 16, 8], [16, 0, 24, 8]], np.int32)
+    nodes = Nodes(rect, np.zeros((3, 2), np.float32), np.full((3, 4), -1, np.int32), np.arange(4), 3)
+    panel, node = np.array([0, 0, 0, 2, 2]), np.array([0, 1, 2, 2, 1], np.int32)
+    order = records.nearest_first(nodes, node, panel, np.eye(4), np.array([21.0, 4.0, 1.0]))
+    assert panel[order].tolist() == panel.tolist()
+    assert node[order].tolist() == [2, 1, 0, 2, 1]
+
+
 def test_places_are_counted_from_the_post_below_the_eye() -> None:
     room = np.diag([30.0, 30.0, 1.0, 1.0])
     origin = records.origin_near(np.array([30.0 * 65_500.4, 30.0 * 12.2, 812.3]), room, (65_536, 65_536))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import wgpu
@@ -21,12 +21,12 @@ from limen.data.terrain import PatchSource
 from limen.draw import terrain_records as records
 from limen.draw.records import page_table
 from limen.draw.terrain_look import TerrainLook, contour_interval_m
+from limen.draw.terrain_pipeline import BINDINGS, TerrainOverlay, TerrainPipelines
 from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
-from limen.gpu.shader import load_shader
 from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
 from limen.patch_stream import PatchPlaces, PatchUpload
 from limen.stream import PageSource, PageTable
@@ -34,14 +34,6 @@ from limen.view import Windows
 
 __all__ = ["Drape", "Ground", "PageTables", "PanelPatches", "Rims", "TerrainLayer", "TerrainOverlay"]
 
-TerrainOverlay: TypeAlias = Literal["panels", "patches"]
-
-_OVERLAYS: dict[TerrainOverlay | None, int] = {None: 0, "panels": 1, "patches": 2}
-_COLOURS = {"hypsometric": 0, "plain": 1, "drape": 2}
-_NUMBERS = {
-    "terrain": 0, "views": 1, "sources": 2, "table": 3, "relief_pool": 4, "heights_pool": 5, "drape_pool": 6,
-    "bilinear": 7,
-}  # fmt: skip
 _POST_CENTRES = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 """Texel (i, j) of relief and heights is post (i, j), and its centre lies half a texel further."""
 
@@ -138,9 +130,6 @@ class TerrainLayer:
         self._device, self._ground, self._drape = device, ground, drape
         self._pools = {"relief_pool": relief, "heights_pool": heights, "drape_pool": drape.pool if drape else relief}
         self._background = (*background, 1.0)
-        self._clips = clip and device.can_clip
-        self._fragments = load_shader(device, "limen.draw", "terrain.wgsl")
-        self._vertex_stage = load_shader(device, "limen.draw", "terrain_clip.wgsl") if self._clips else self._fragments
         usage = wgpu.BufferUsage
         self._vertices = _buffer(device, "vertices", vertex_capacity * records.VERTEX.itemsize, usage.VERTEX)
         self._cores = _buffer(device, "core indices", -(-index_capacity // 2) * 4, usage.INDEX)
@@ -153,8 +142,7 @@ class TerrainLayer:
         }
         self._tables: PageTables | None = None
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
-        self._layout = self._bind_group_layout()
-        self._pipelines: dict[tuple[Any, ...], Any] = {}
+        self._pipelines = TerrainPipelines(device, clip=clip)
         self._targets = Targets(device)
 
     def write(self, uploads: Sequence[PatchUpload]) -> None:
@@ -230,8 +218,11 @@ class TerrainLayer:
             raise ValueError(f"windows for {windows.copies} eyes were given {len(eyes_m)}")
         if not places.resident[cut.pair_patch].all():
             raise ValueError("a patch of the cut is not resident")
+        room_from_posts = np.asarray(room_from_posts, dtype=float)
+        nodes, node = self._ground.nodes, self._ground.patches.node[cut.pair_patch]
+        order = records.nearest_first(nodes, node, cut.pair_panel, room_from_posts, eyes_m[0])
         facing = self._write_frame(
-            windows, eyes_m, np.asarray(room_from_posts, dtype=float), cut, allowed_px, look,
+            windows, eyes_m, room_from_posts, cut, allowed_px, look,
             tints if overlay == "panels" else None,
         )  # fmt: skip
         self._write_pages(pages)
@@ -240,10 +231,11 @@ class TerrainLayer:
         texture = None if target is not None else self._targets.texture(size, target_format, slot)
         encoder = self._device.wgpu.create_command_encoder(label="terrain")
         render_pass = self._begin(encoder, texture.create_view() if texture is not None else target, size)
-        render_pass.set_pipeline(self._pipeline(target_format, look, overlay))
+        contours = contour_interval_m(look, self._ground.low_m, self._ground.high_m) > 0
+        render_pass.set_pipeline(self._pipelines.pipeline(target_format, look.colours, overlay, contours=contours))
         render_pass.set_bind_group(0, self._group())
         render_pass.set_vertex_buffer(0, self._vertices)
-        self._record(render_pass, windows, facing, cut, places, rims)
+        self._record(render_pass, windows, facing, (cut.pair_panel, cut.pair_patch[order]), places, rims)
         render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
@@ -320,12 +312,12 @@ class TerrainLayer:
         )  # fmt: skip
 
     def _record(
-        self, render_pass: Any, windows: Windows, facing: NDArray[np.bool_], cut: PanelPatches, places: PatchPlaces,
-        rims: Rims,
+        self, render_pass: Any, windows: Windows, facing: NDArray[np.bool_], pairs: tuple[NDArray[np.int64], ...],
+        places: PatchPlaces, rims: Rims,
     ) -> None:  # fmt: skip
         count = facing.shape[1]
-        pair_first = np.searchsorted(cut.pair_panel, np.arange(count + 1)).tolist()
-        patches = cut.pair_patch
+        pair_panel, patches = pairs
+        pair_first = np.searchsorted(pair_panel, np.arange(count + 1)).tolist()
         cores = list(
             zip(
                 places.core_indices[patches].tolist(),
@@ -340,13 +332,13 @@ class TerrainLayer:
             for eye, panel in np.argwhere(facing).tolist():
                 left, top, right, bottom = bounds[panel]
                 view = eye * count + panel
-                pairs = cores[pair_first[panel] : pair_first[panel + 1]]
-                if not pairs or right <= left or bottom <= top:
+                own = cores[pair_first[panel] : pair_first[panel + 1]]
+                if not own or right <= left or bottom <= top:
                     continue
                 shift = eye * windows.quilt.size_px[0]
                 render_pass.set_scissor_rect(left + shift, top, right - left, bottom - top)
                 if sized == "uint16":
-                    for indices, first_index, first_vertex in pairs:
+                    for indices, first_index, first_vertex in own:
                         if indices:
                             render_pass.draw_indexed(indices, 1, first_index, first_vertex, view)
                 elif rim_first[panel + 1] > rim_first[panel]:
@@ -356,53 +348,8 @@ class TerrainLayer:
     def _group(self) -> Any:
         resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()}
         resources |= {name: pool.texels for name, pool in self._pools.items()} | {"bilinear": self._sampler}
-        entries = [{"binding": number, "resource": resources[name]} for name, number in _NUMBERS.items()]
-        return self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
-
-    def _bind_group_layout(self) -> Any:
-        texture = {"texture": {"sample_type": "float", "view_dimension": "2d-array"}}
-        uniform, storage = {"buffer": {"type": "uniform"}}, {"buffer": {"type": "read-only-storage"}}
-        kinds: dict[str, dict[str, Any]] = {
-            "terrain": uniform, "views": storage, "sources": uniform, "table": storage,
-            "relief_pool": texture, "heights_pool": texture, "drape_pool": texture,
-            "bilinear": {"sampler": {"type": "filtering"}},
-        }  # fmt: skip
-        both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
-        return self._device.wgpu.create_bind_group_layout(
-            entries=[{"binding": number, "visibility": both, **kinds[name]} for name, number in _NUMBERS.items()]
-        )
-
-    def _pipeline(self, target_format: str, look: TerrainLook, overlay: TerrainOverlay | None) -> Any:
-        contours = contour_interval_m(look, self._ground.low_m, self._ground.high_m) > 0
-        key = (target_format, look.colours, contours, overlay)
-        if key not in self._pipelines:
-            constants = {
-                "COLOURS": _COLOURS[look.colours], "CONTOURS": int(contours), "OVERLAY": _OVERLAYS[overlay],
-            }  # fmt: skip
-            self._pipelines[key] = self._device.wgpu.create_render_pipeline(
-                label="terrain",
-                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
-                vertex={"module": self._vertex_stage, "entry_point": "vertex", "buffers": [_VERTEX_LAYOUT]},
-                primitive={"topology": "triangle-list"},
-                depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"},
-                fragment={
-                    "module": self._fragments,
-                    "entry_point": "picture" if self._clips else "cut_picture",
-                    "constants": constants,
-                    "targets": [{"format": target_format}],
-                },
-            )
-        return self._pipelines[key]
-
-
-_VERTEX_LAYOUT = {
-    "array_stride": records.VERTEX.itemsize,
-    "attributes": [
-        {"format": "uint32x2", "offset": 0, "shader_location": 0},
-        {"format": "float32", "offset": 8, "shader_location": 1},
-        {"format": "uint32", "offset": 12, "shader_location": 2},
-    ],
-}
+        entries = [{"binding": number, "resource": resources[name]} for name, number in BINDINGS.items()]
+        return self._device.wgpu.create_bind_group(layout=self._pipelines.layout, entries=entries)
 
 
 def _buffer(device: Device, label: str, size: int, usage: int) -> Any:

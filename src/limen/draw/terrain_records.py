@@ -27,6 +27,7 @@ __all__ = [
     "TERRAIN_VIEW",
     "VERTEX",
     "Origin",
+    "nearest_first",
     "nearest_m",
     "origin_near",
     "source_row",
@@ -125,6 +126,16 @@ def nearest_m(nodes: Nodes, chosen: NDArray[np.int64], room_from_posts: Floats, 
     reach = half @ np.abs(room_from_posts[:3, :3]).T
     gap = np.maximum(np.abs(placed) - reach, 0)
     return max(float(np.linalg.norm(gap, axis=1).min()), NEAR_M)
+
+
+def nearest_first(
+    nodes: Nodes, node: NDArray[np.int32], pair_panel: NDArray[np.int64], room_from_posts: Floats, eye_m: Floats
+) -> NDArray[np.int64]:
+    """An order of pairs of panels and nodes, panel by panel, in which what is near is drawn before what it hides."""
+    rect, low_high = nodes.rect[node].astype(float), nodes.low_high_m[node].astype(float)
+    middle = np.stack([rect[:, [0, 2]].mean(axis=1), rect[:, [1, 3]].mean(axis=1), low_high.mean(axis=1)], axis=1)
+    away = np.linalg.norm(middle @ room_from_posts[:3, :3].T + room_from_posts[:3, 3] - eye_m, axis=1)
+    return np.lexsort((away, pair_panel))
 
 
 def view_rows(
