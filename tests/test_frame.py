@@ -14,8 +14,9 @@ from limen.data import sample_image
 from limen.data.mesh_sample import sample_mesh
 from limen.display.quilt import Quilt
 from limen.errors import DeviceLimitError, InputError
-from limen.frame import Renderer, render, select_ahead
+from limen.frame import Renderer, select_ahead
 from limen.placement import OnShape, OnSurface
+from limen.rendering import render
 from limen.tolerance import Policy
 
 pytestmark = pytest.mark.gpu

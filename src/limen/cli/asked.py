@@ -1,0 +1,122 @@
+"""What ``limen show`` is asked for whatever the content is: who looks at which panels, what is written or opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from cyclopts import Group, Parameter
+
+from limen.cli.arguments import place
+from limen.display.display import Display
+from limen.errors import InputError
+from limen.live import Tour
+from limen.terrain_stage import nobody_points
+from limen.track.stand import standing_viewer
+from limen.track.walk import session_named
+from limen.viewer import Pointer, Viewer
+
+__all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]
+
+Overlays: TypeAlias = Literal["none", "levels", "panels", "patches"]
+
+_STEP_S = 0.25  # between frames of a viewer who stands
+
+
+@Parameter(name="*", group=Group("Files (with --out)"))
+@dataclass(frozen=True, slots=True)
+class FileOptions:
+    """Options of pictures that are written."""
+
+    frames: Annotated[int, Parameter(help="How many moments, spread over the session.")] = 1
+    scale: Annotated[float, Parameter(help="Draw panels with fewer pixels (0.125: an eighth).")] = 1.0
+    picture_format: Annotated[Literal["jpg", "png"], Parameter(name="--format")] = "jpg"
+    simulate: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Of an image: also draw the room and the unrolled wall. Of a mesh or a terrain: also what the "
+            "viewer's eye sees of the lit display (eye), and what is seen from elsewhere and from afar.",
+        ),
+    ] = False
+    seen_from: Annotated[
+        str, Parameter(allow_leading_hyphen=True, help="With --simulate: X,Y,Z of the second place to look from.")
+    ] = ""
+
+
+@Parameter(name="*", group=Group("Windows (without --out)"))
+@dataclass(frozen=True, slots=True)
+class WindowOptions:
+    """Options of windows that are opened."""
+
+    window: Annotated[
+        Literal["eye", "outputs"],
+        Parameter(
+            help="Of a mesh or a terrain: what the viewer's eye sees of the simulated display; or the display's "
+            "quilts, each on the screen that it is named after in the display file."
+        ),
+    ] = "eye"
+    seconds: Annotated[float | None, Parameter(help="Close the window after this long.")] = None
+
+
+FILES_DEFAULT, WINDOWS_DEFAULT = FileOptions(), WindowOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is asked for whatever the content is.
+
+    Viewers and what they look at stand where the whole display wants them, whichever panels are drawn.
+    """
+
+    whole: Display | None  # None: the window itself is the display
+    panels: Sequence[str]
+    session: str
+    viewer: str
+    overlay: Overlays
+    files: FileOptions
+    windows: WindowOptions
+
+    def __post_init__(self) -> None:
+        if self.files.frames < 1:
+            raise InputError(f"--frames must be at least 1, got {self.files.frames}")
+        if self.session and self.viewer:
+            raise InputError("give --session or --viewer, not both")
+        if self.files.seen_from:
+            place(self.files.seen_from, "--seen-from")
+            if not self.files.simulate:
+                raise InputError("--seen-from is a place to look at the simulated display from: give --simulate too")
+
+    @property
+    def shown(self) -> Display | None:
+        return self.whole.select(self.panels) if self.whole and self.panels else self.whole
+
+    def stander(self) -> Viewer:
+        if self.viewer:
+            return Viewer(place(self.viewer, "--viewer"))
+        return standing_viewer(self.whole) if self.whole else Viewer((0.0, 0.0, 0.0))
+
+    def tour(self) -> Tour:
+        """Who looks at time t, as a function; a session is run again and again."""
+        if self.session and self.whole:
+            recorded = session_named(self.session, self.whole)
+            return lambda time_s: recorded.at(recorded.start_s + time_s % recorded.duration_s)
+        person = self.stander()
+        return lambda time_s: (replace(person, time_s=time_s),)
+
+    def pointers(self) -> Callable[[float], Sequence[Pointer]]:
+        """Who points where, by the viewers' clock."""
+        if not (self.session and self.whole):
+            return nobody_points
+        return session_named(self.session, self.whole).pointers_at
+
+    def moments(self) -> list[Sequence[Viewer]]:
+        """Who looks in each frame, spread over the session."""
+        if not (self.session and self.whole):
+            tour = self.tour()
+            return [tour(number * _STEP_S) for number in range(self.files.frames)]
+        recorded = session_named(self.session, self.whole)
+        times_s = recorded.start_s + np.linspace(0, recorded.duration_s, self.files.frames + 2)[1:-1]
+        return [recorded.at(float(time_s)) for time_s in times_s]
