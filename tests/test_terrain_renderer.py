@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -191,6 +192,21 @@ def test_live_frames_never_wait_and_end_with_the_finished_picture(device: Any, r
     for name, picture in live.items():
         apart = np.abs(picture[..., :3].astype(int) - whole[name].astype(int)).max(axis=-1)
         assert (apart > 2).mean() < 0.01
+
+
+def test_pages_fade_in_to_the_end_however_slow_frames_are(renderer: Any, terrain: Terrain) -> None:
+    from limen.terrain_stock import Wishes
+
+    stock = renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0))._stock
+    none, pages = np.zeros(0, np.int64), np.arange(terrain.relief.pyramid.page_count)
+    while stock.update(Wishes(none, none, pages, none), now_s=10.0):
+        time.sleep(0.01)
+    assert stock.tables.relief.fade[0] == 0
+    stock.update(Wishes(none, none, pages, none), now_s=20.0)
+    assert (stock.tables.relief.fade == 1).all()
+    kept = stock.tables
+    stock.update(Wishes(none, none, pages, none), now_s=30.0)
+    assert stock.tables is kept, "copied to the GPU only when something changes"
 
 
 def test_a_drape_lies_north_up_over_the_land(renderer: Any, tmp_path: Path, terrain: Terrain) -> None:

@@ -93,7 +93,7 @@ class TerrainStock:
         )  # fmt: skip
         self.rims = RimPool()
         self._versions: tuple[int, ...] = ()
-        self._changed_s = -np.inf
+        self._changed_s = self._tables_s = -np.inf
         self._tables: PageTables | None = None
         self._await_roots(terrain)
 
@@ -165,6 +165,7 @@ class TerrainStock:
         """New tables only where something came or is fading in: they are copied to the GPU when they are others."""
         if versions != self._versions:
             self._versions, self._changed_s = versions, now_s
-        elif self._tables is not None and not now_s - self._changed_s < 2 * FADE_S:
-            return
+        elif self._tables is not None and not self._tables_s - self._changed_s < FADE_S:
+            return  # not by the time that has passed: the next frame may come when all would have faded in
+        self._tables_s = now_s
         self._tables = PageTables(*(stream.table() for stream in self._streams))
