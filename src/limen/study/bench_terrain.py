@@ -62,8 +62,8 @@ def bench_terrain(quick: bool, say: Say, content: Content = SAMPLE) -> TerrainBe
     with open_device() as device, prepared(content, _QUICK_SAMPLE if quick else _SAMPLE, say) as terrain:
         say(f"{terrain.name}: {terrain.size_posts[0]} x {terrain.size_posts[1]} posts, on {device.adapter_name}")
         posts = posts_of(terrain)
-        frames = frame_rows(device, terrain, posts, 3 if quick else 9, say)
-        wall = table2(device, terrain, 1 if quick else 5, say)
+        frames = frame_rows(device, terrain, posts, 3 if quick else 5, say)
+        wall = table2(device, terrain, 1 if quick else 3, say)
         rows = triangle_rows(posts, ERRORS_M, say)
     for text in (*aims(rows), *frame_aims(frames)):
         say(text)

@@ -142,7 +142,6 @@ def measure_frames(
         triangles = renderer.frame([viewer], policy).triangles
         device.wgpu.queue.read_buffer(fence, size=4)  # comes after all that was submitted
 
-    frame()
     times = timed(frame, frames, by_cpu=device.is_software)
     fence.destroy()
     return triangles, times
