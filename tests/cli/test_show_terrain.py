@@ -1,0 +1,131 @@
+"""Terrains from the command line: made ready, shown, counted, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from ground import write_dem
+from limen.cli.app import main
+
+
+@pytest.fixture(scope="module")
+def land(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("land")
+    assert run("ingest", write_dem(folder / "hills.tif"), folder / "hills.terrain", "-q") == 0
+    return folder / "hills.terrain"
+
+
+def run(*words: object) -> int:
+    try:
+        main([str(word) for word in words])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def result(capsys: pytest.CaptureFixture[str], *words: object) -> Any:
+    capsys.readouterr()
+    assert run(*words, "--json", "-q") == 0, capsys.readouterr().err
+    return json.loads(capsys.readouterr().out)
+
+
+def picture(path: str) -> Any:
+    return np.asarray(Picture.open(path)).astype(int)
+
+
+@pytest.mark.gpu
+def test_show_writes_panels_and_what_is_seen_of_the_lit_wall(
+    land: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("show", land, "--display", "rostock", "--session", "A", "--policy", "scheel", "--scale", "0.05")
+    frames = result(
+        capsys, *words, "--frames", 2, "--camera", "fixed", "--out", tmp_path, "--simulate", "--format", "png"
+    )
+    first, second = frames["frames"]
+    assert second["time_s"] > first["time_s"]
+    for frame in (first, second):
+        assert 0 < frame["panels_active"] <= 24
+        assert frame["missing"] == 0
+        assert frame["triangles"] > 0
+        assert frame["patches"] > 0
+        assert frame["pages"] > 0
+        assert frame["max_error_px"] <= frame["max_allowed_px"]
+        assert frame["min_allowed_px"] <= frame["max_allowed_px"]
+        names = {Path(file).name for file in frame["files"]}
+        assert {"eye.png", "elsewhere.png", "afar.png", "wall-0,0.png", "wall-5,3.png"} <= names
+    afar = next(file for file in first["files"] if file.endswith("afar.png"))
+    assert (picture(afar).max(axis=-1) > 60).mean() > 0.02
+
+
+@pytest.mark.gpu
+def test_overlays_contours_and_flights_change_the_picture(
+    land: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def drawn(name: str, *options: object) -> Any:
+        words = ("show", land, "--out", tmp_path / name, "--scale", "0.2", "--format", "png", *options)
+        (frame,) = result(capsys, *words)["frames"]
+        return picture(frame["files"][0])
+
+    plain = drawn("plain")
+    options = {
+        "panels": ("--overlay", "panels"), "patches": ("--overlay", "patches"), "lines": ("--contours", "50"),
+        "sun": ("--sun-azimuth-deg", "90"), "grey": ("--colours", "plain"), "turned": ("--heading-deg", "-60"),
+        "steep": ("--pitch-deg", "75"), "near": ("--range-m", "6000"), "aside": ("--target", "0.2,0.7"),
+        "high": ("--exaggeration", "3"), "flight": ("--flight", "traverse"),
+    }  # fmt: skip
+    for name, words in options.items():
+        assert (np.abs(drawn(name, *words) - plain).max(axis=-1) > 12).mean() > 0.005, name
+
+
+def test_traffic_counts_panels_triangles_and_bytes(land: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("traffic", land, "--display", "rostock", "--session", "A", "--rate-hz", "0.1")
+    counted = result(capsys, *words, "--policy", "full", "acuity", "scheel", "--camera", "fixed")
+    (session,) = counted["sessions"]
+    full, acuity, scheel = session["rows"]
+    assert [row["policy"] for row in session["rows"]] == ["full", "acuity", "scheel"]
+    assert session["frames"] == 14
+    assert session["floor_samples_mean"] > 1e5
+    assert full["saving"] == 0
+    assert full["panels_active_mean"] == 24
+    assert scheel["panels_active_mean"] < 24
+    assert full["triangles_mean"] >= acuity["triangles_mean"] >= scheel["triangles_mean"] > 0
+    assert 0 < acuity["saving"] <= scheel["saving"] < 1
+    assert full["bytes_mean"] > full["pages_mean"] * counted["page_bytes"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (
+            ("show", "LAND", "--overlay", "levels"),
+            "--overlay levels is not for a terrain: give --overlay panels or patches",
+        ),
+        (("show", "LAND", "--stereo", "anaglyph"), "leave out the options of meshes"),
+        (("show", "LAND", "--target", "2,0"), "target must be two numbers from 0 to 1"),
+        (("show", "LAND", "--target", "here"), "--target takes two numbers"),
+        (("show", "LAND", "--pitch-deg", "95"), "pitch_deg must be from 0"),
+        (("show", "LAND", "--contours", "many"), "--contours takes metres"),
+        (("show", "LAND", "--colours", "drape"), "--colours drape needs --drape"),
+        (("show", "LAND", "--drape", "nowhere.png"), "nowhere.png"),
+        (("traffic", "LAND", "--display", "rostock", "--plot", "a.png"), "--plot and --per-node are for images"),
+        (("traffic", "one-to-one", "--display", "rostock", "--camera", "fixed"), "is no terrain"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    land: Path, words: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [land if word == "LAND" else word for word in words]
+    if words[0] == "show":
+        given += ["--out", tmp_path / "never"]
+    capsys.readouterr()
+    assert run(*given) == 2
+    captured = capsys.readouterr()
+    assert says in captured.err
+    assert captured.err.count("\n") == 1
+    assert not (tmp_path / "never").exists()
