@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import math
-import os
 from typing import Any
 
 import numpy as np
@@ -45,9 +44,8 @@ class FullGrid:
     def __init__(
         self, posts: Posts, room_from_posts: Floats, panel: Panel, eye_m: Floats, colours: NDArray[np.uint8]
     ) -> None:
-        if not os.environ.get("DISPLAY"):
-            # VTK tries X first, and complains; with EGL named it draws where there is no screen.
-            os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+        logger: Any = importlib.import_module("vtkmodules.vtkCommonCore").vtkLogger
+        logger.SetStderrVerbosity(logger.VERBOSITY_OFF)  # without a screen, it complains before it draws without one
         pyvista: Any = importlib.import_module("pyvista")
         rows, columns = posts.heights_m.shape
         self.triangles = 2 * (rows - 1) * (columns - 1)
