@@ -123,9 +123,9 @@ class _Asked(NamedTuple):
 def _image_pictures(device: Device, image: Image, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
     placement, overlay = asked.placement, asked.overlay
     if not isinstance(placement, OnSurface | OnShape | None) or asked.stereo != "none":
-        raise InputError("stereo and (4, 4) placements are for meshes and LookAt is for terrains, not for images")
+        raise InputError("stereo, (4, 4) placements and LookAt are for terrains or for meshes, not for images")
     if overlay not in (None, "levels"):
-        raise InputError(f"the overlay '{overlay}' is not for images: give 'levels'")
+        raise InputError(f"the overlay '{overlay}' is for terrains or for meshes, not for images: give 'levels'")
     with Renderer(device, asked.wanted, image, placement) as renderer:
         drawn = renderer.pictures(asked.viewers, asked.policy, overlay=overlay)
         return {name: picture.copy() for name, picture, _ in drawn}
@@ -134,7 +134,10 @@ def _image_pictures(device: Device, image: Image, asked: _Asked) -> dict[str, ND
 def _mesh_pictures(device: Device, mesh: Mesh, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
     placement, overlay = asked.placement, asked.overlay
     if overlay not in (None, "panels") or isinstance(placement, OnSurface | OnShape | LookAt):
-        raise InputError("a mesh takes the overlay 'panels' and a (4, 4) placement, nothing else")
+        raise InputError(
+            "other overlays than 'panels' and placements on surfaces are for images, LookAt is for terrains: a mesh "
+            "takes a (4, 4) placement"
+        )
     # The whole display says where the mesh stands, whichever panels are drawn.
     stands = mesh_in_room(mesh.bounds, asked.whole) if placement is None else np.asarray(placement, dtype=float)
     with SceneRenderer(device, asked.wanted, mesh, room_from_mesh=stands, stereo=asked.stereo) as scene:

@@ -249,11 +249,8 @@ def test_wrong_files_are_told_in_one_line(tmp_path):
     (tmp_path / "evil.dzi").write_text(
         '<Image TileSize="9" Overlap="1" Format="../x"><Size Width="9" Height="9"/></Image>'
     )
-    write_tiff(tmp_path / "float.tif", [np.zeros((300, 300), np.float32)])
     cases = [("nowhere.tif", MissingFileError), (".", InputError)]
-    cases += [
-        (name, FormatError) for name in ("empty.tif", "text.jpg", "bomb.dzi", "lost.dzi", "evil.dzi", "float.tif")
-    ]
+    cases += [(name, FormatError) for name in ("empty.tif", "text.jpg", "bomb.dzi", "lost.dzi", "evil.dzi")]
     for name, kind in cases:
         with pytest.raises(kind) as caught:
             limen.data.open(tmp_path / name)

@@ -44,5 +44,5 @@ def is_elevation(path: Path) -> bool:
             if page.samplesperpixel != 1 or bits <= 8 or page.description.startswith(_MICROSCOPY):
                 return False
             return kind in (_SIGNED, _FLOAT) or (kind == _UNSIGNED and any(tag in tags for tag in _GEOGRAPHIC))
-    except (tifffile.TiffFileError, ValueError, KeyError, TypeError, OSError, struct.error):
+    except (tifffile.TiffFileError, ValueError, LookupError, TypeError, OSError, struct.error):
         return False  # whoever opens it as an image says what is wrong
