@@ -208,7 +208,9 @@ def test_ctrl_c_ends_cleanly(words, world, tmp_path):
     assert running.poll() is None, running.communicate()[1]
     running.send_signal(signal.SIGINT)
     _, err = running.communicate(timeout=60)
-    assert running.returncode == 130, err
+    # Python ends by the signal itself, after our own message, where Ctrl-C fell into code made from a string
+    # (a dataclass's `__init__`, say); a shell calls both 130.
+    assert running.returncode in {130, -signal.SIGINT}, err
     assert "Traceback" not in err
     assert "interrupted" in err
     assert not [path for path in tmp_path.rglob("*") if "partial" in path.name or path.name == "big.tif"]
