@@ -234,6 +234,35 @@ def test_a_drape_lies_north_up_over_the_land(renderer: Any, tmp_path: Path, terr
     assert at(0.2, 0.8)[1] > 2 * at(0.8, 0.8)[1]
 
 
+def test_faint_pages_of_a_drape_are_left_out_and_stark_ones_drawn(
+    renderer: Any, tmp_path: Path, terrain: Terrain
+) -> None:
+    """A drape half flat, half noise: with `contrast` only the noise is drawn from fine pages; a pointer wants all."""
+    from limen.data.drape import texel_from_post
+    from limen.draw.terrain_look import TerrainLook
+    from limen.terrain_stock import Draped
+
+    picture = np.full((512, 1024, 3), 128, np.uint8)
+    picture[:, 600:] = np.random.default_rng(5).choice([20, 230], size=(512, 424, 1))
+    path = tmp_path / "drape.png"
+    Picture.fromarray(picture).save(path)
+    viewer, pointer = Viewer((0.0, 1.5, -1.0), direction=(0, 0, -1)), Pointer((0.0, 1.5, 5.0), (0, 0, -1))
+    with limen.open(path) as image:
+        draped = Draped(image, texel_from_post(terrain, path, image.size_px))
+        made = {}
+        for name, pointers in {"acuity": (), "contrast": (), "contrast selected": (pointer,)}.items():
+            fresh = renderer(display=Display.named("rostock").scaled(1 / 8), draped=draped, look=TerrainLook("drape"),
+                             look_at=LookAt(pitch_deg=90), camera="fixed")  # fmt: skip
+            pictures, report = drawn(fresh, [viewer], name.split()[0], pointers=pointers)
+            made[name] = wall_of(pictures).astype(int), report
+    (plain, acuity), (faint, contrast), (_, selected) = made.values()
+    assert contrast.missing == acuity.missing == 0
+    assert contrast.triangles == acuity.triangles
+    assert acuity.pages - 4 == contrast.pages < selected.pages <= acuity.pages
+    assert np.abs(plain - faint).max() <= 1
+    assert np.ptp(plain[:, plain.shape[1] // 2 :]) > 100
+
+
 def test_little_memory_draws_coarser_and_says_so(renderer: Any) -> None:
     made = renderer(display=Display.named("desktop"), reference_m=(0.0, 1.2, 0.0), look_at=LookAt(), gpu_bytes=6 << 20)
     _, report = drawn(made, [Viewer((0.0, 1.2, 0.0))], "full")

@@ -233,7 +233,7 @@ class Renderer:
         """The image on the display, with what faintness hides where the policy makes use of it."""
         if policy.name != "contrast":
             return self.view
-        return self.view._replace(detail=self._contrast.detail(self.view))
+        return self.view._replace(detail=self._contrast.detail(self.view.display))
 
     def _select_part(
         self, quilt: Quilt, detail: Detail, tolerance: Tolerance, eye_m: tuple[float, float, float] | None

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from limen.geometry import Vec3
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.look_at import LookAt
+from limen.select.surveyed import SurveyedContrast
 from limen.select.visibility import PanelDemands
 from limen.terrain_choice import Choice, Scenery, TerrainSettings, TerrainSight, merged
 from limen.terrain_stock import GPU_BYTES, Draped, TerrainStock, Wishes
@@ -142,10 +144,11 @@ class TerrainRenderer:
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
             display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, 2 * widest)
         )
-        drape = (draped.image.pyramid, draped.texel_from_post) if draped else (None, None)
-        scenery = Scenery(
-            terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid, *drape
-        )
+        scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
+        self._contrast = SurveyedContrast(draped.image) if draped else None
+        if draped and self._contrast:
+            detail = partial(self._contrast.detail, display)
+            scenery = scenery.draped(draped.image.pyramid, draped.texel_from_post, detail)
         self._sight = TerrainSight(
             scenery, display, self.quilts, settings or TerrainSettings(), whole=whole or display,
             reference_m=reference_m,
@@ -250,6 +253,8 @@ class TerrainRenderer:
 
     def close(self) -> None:
         """Stop reading and free the GPU memory; the device, the terrain and its drape stay open."""
+        if self._contrast is not None:
+            self._contrast.close()
         self._stock.close()
         self._reader.destroy()
 
@@ -270,6 +275,8 @@ class TerrainRenderer:
         *,
         live: bool = False,
     ) -> _Asked:
+        if self._contrast is not None and policy.name == "contrast" and not live:
+            self._contrast.complete()
         demands = self._sight.demands(viewers, policy, pointers, live=live)
         return _Asked(viewers, policy, demands, overlay)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
@@ -17,8 +17,9 @@ from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.look_at import Flight, LookAt, fitted_range_m, in_flight, room_from_posts
+from limen.select.detail import Detail
 from limen.select.terrain import Mode, TerrainCut, select_terrain
-from limen.select.terrain_pages import TerrainPages, pages_for_terrain
+from limen.select.terrain_pages import Faint, TerrainPages, pages_for_terrain
 from limen.select.visibility import PanelDemands, Rule, panel_demands
 from limen.tolerance import Policy
 from limen.view import PanelViews, Windows, guard_of
@@ -72,6 +73,12 @@ class Scenery(NamedTuple):
     pyramid: Pyramid
     drape_pyramid: Pyramid | None = None
     texel_from_post: Floats | None = None
+    drape_detail: Callable[[], Detail] | None = None
+    """Where the drape's finer detail is seen, as far as its contrast is known."""
+
+    def draped(self, pyramid: Pyramid, texel_from_post: Floats, detail: Callable[[], Detail]) -> Scenery:
+        """The same with an image laid over it."""
+        return self._replace(drape_pyramid=pyramid, texel_from_post=texel_from_post, drape_detail=detail)
 
 
 class Choice(NamedTuple):
@@ -145,7 +152,7 @@ class TerrainSight:
         views = windows.seen_from(self._eye(viewers))
         allowed_px = demands.allowed_px[list(quilt.panels)]
         cut = self.select(quilt, views, allowed_px)
-        pages = self._pages(cut, quilt, views, allowed_px)
+        pages = self._pages(cut, quilt, views, allowed_px, demands.hides_faint[list(quilt.panels)])
         return Choice(quilt, windows, views, allowed_px, cut, *pages, time.perf_counter() - begin)
 
     def _eye(self, viewers: Sequence[Viewer]) -> Floats:
@@ -163,17 +170,24 @@ class TerrainSight:
         )  # fmt: skip
 
     def _pages(
-        self, cut: TerrainCut, quilt: Quilt, views: PanelViews, allowed_px: Floats
+        self, cut: TerrainCut, quilt: Quilt, views: PanelViews, allowed_px: Floats, hides_faint: NDArray[np.bool_]
     ) -> tuple[TerrainPages, TerrainPages]:
-        """Pages of relief and heights, and of the drape."""
+        """Pages of relief and heights, and of the drape.
+
+        The drape alone is hidden where it is faint: what contrast relief and heights show is for light and colours to
+        say, which change from frame to frame. Shading scales the drape's levels alike, so their contrast stays.
+        """
         scenery, place = self.scenery, self.room_from_posts
         nodes, patches, pyramid = scenery.nodes, scenery.patches, scenery.pyramid
         pages = pages_for_terrain(cut, nodes, patches, pyramid, views, quilt.size_px, place, allowed_px)
         if scenery.drape_pyramid is None or scenery.texel_from_post is None:
             return pages, TerrainPages(pages.pages[:0], pages.importance[:0])
+        hidden = None
+        if scenery.drape_detail is not None and hides_faint.any():
+            hidden = Faint(scenery.drape_detail(), hides_faint)
         draped = pages_for_terrain(
             cut, nodes, patches, scenery.drape_pyramid, views, quilt.size_px, place, allowed_px,
-            texel_from_post=scenery.texel_from_post,
+            texel_from_post=scenery.texel_from_post, faint=hidden,
         )  # fmt: skip
         return pages, draped
 

@@ -99,6 +99,27 @@ def test_traffic_counts_panels_triangles_and_bytes(land: Path, capsys: pytest.Ca
     assert full["bytes_mean"] > full["pages_mean"] * counted["page_bytes"]
 
 
+def test_traffic_counts_what_of_a_drape_is_too_faint(
+    land: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A drape all grey is left at its coarsest page by `contrast`, noise is not."""
+    noise = np.random.default_rng(3).choice([20, 230], size=(512, 1024)).astype(np.uint8)
+    Picture.fromarray(noise).save(tmp_path / "noise.png")
+    Picture.fromarray(np.full_like(noise, 120)).save(tmp_path / "grey.png")
+    words = ("traffic", land, "--display", "rostock", "--session", "A", "--rate-hz", "0.05", "--policy", "acuity")
+
+    def pages(*options: object) -> list[float]:
+        counted = result(capsys, *words, *options)
+        assert (counted["drape_page_bytes"] is None) == ("--drape" not in options)
+        return [row["pages_mean"] for row in counted["sessions"][0]["rows"]]
+
+    (bare,) = pages()
+    grey, noisy = (pages("contrast", "--drape", tmp_path / f"{name}.png") for name in ("grey", "noise"))
+    assert grey[0] == noisy[0] > bare + 5
+    assert grey[1] == bare + 1
+    assert noisy[1] == noisy[0]
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -13,10 +13,10 @@ from limen.data.terrain import Nodes
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.select import terrain_kernels as kernels
-from limen.select.detail import KEPT
+from limen.select.detail import KEPT, plain_detail, reduced_detail
 from limen.select.terrain import select_terrain
 from limen.select.terrain_forms import TerrainForms, terrain_forms
-from limen.select.terrain_pages import pages_for_terrain, texel_tolerance_px
+from limen.select.terrain_pages import Faint, pages_for_terrain, texel_tolerance_px
 
 SEEDS = st.integers(0, 10_000)
 COLUMNS, ROWS = 512 * 4, 256 * 4
@@ -107,9 +107,12 @@ def test_no_slope_makes_a_footprint_smaller_than_the_bound_and_some_come_near() 
     assert np.median(reached) < 1.3
 
 
-def plain_pages(boxes: Floats, panels: list[int], forms: TerrainForms, pyramid: Pyramid, tolerance: Floats) -> set[int]:
+def plain_pages(
+    boxes: Floats, panels: list[int], forms: TerrainForms, pyramid: Pyramid, allowed: Floats, faint: Faint | None = None
+) -> set[int]:
     """The rule, one page at a time: seen, and no coarser page there is fine enough for all of a pair in it."""
     found = set()
+    tolerance = np.maximum(1.0, allowed * KEPT)
     for box, panel in zip(boxes, panels, strict=True):
         for page in range(pyramid.page_count):
             level, column, row = pyramid.page_of(page)
@@ -121,16 +124,28 @@ def plain_pages(boxes: Floats, panels: list[int], forms: TerrainForms, pyramid: 
                     [np.maximum(box[:2], corner), box[2:3], np.minimum(box[3:5], corner + span), box[5:]]
                 )
                 seen = kernels.nearest_w(part, panel, forms)[1] if (part[:2] <= part[3:5]).all() else -1.0
-                texels = seen / forms.px_per_post[panel] * tolerance[panel] * (1 - 1e-3)
+                texels = seen / forms.px_per_post[panel] * (1 - 1e-3)
                 parts.append(seen >= 0)
-                enough.append(coarser > level and texels >= 2.0**coarser)
+                fine = texels * tolerance[panel] >= 2.0**coarser
+                if faint is not None and faint.panels[panel]:
+                    above = pyramid.page_index(coarser, column >> (coarser - level), row >> (coarser - level))
+                    fine = fine or texels * allowed[panel] >= faint.detail.tau[above]
+                enough.append(coarser > level and fine)
             if all(parts) and not any(enough):
                 found.add(page)
     return found
 
 
+def made_up_faint(pyramid: Pyramid, seed: int) -> Faint:
+    """Pages of any contrast, many of them flat; on the second of two panels nothing may be hidden."""
+    random = np.random.default_rng(seed)
+    share = random.uniform(size=pyramid.page_count) * (random.uniform(size=pyramid.page_count) < 0.5)
+    return Faint(reduced_detail(pyramid, share), np.array([True, False]))
+
+
 @pytest.mark.parametrize("seed", range(6))
-def test_the_kernel_follows_the_rule(seed: int) -> None:
+@pytest.mark.parametrize("hidden", [False, True])
+def test_the_kernel_follows_the_rule(seed: int, hidden: bool) -> None:
     nodes, patches = made_up_terrain(seed)
     nodes = enlarged(nodes, 4)
     scene = made_up_scene(seed, columns=COLUMNS, rows=ROWS)
@@ -144,8 +159,32 @@ def test_the_kernel_follows_the_rule(seed: int) -> None:
     room = scene.room_from_posts.copy()
     room[:3, 3] -= room[:3, :2] @ [0.5, 0.5]
     forms = terrain_forms(scene.views, scene.quilt_size_px, room)
-    expected = plain_pages(boxes, cut.pair_panel.tolist(), forms, pyramid, np.maximum(1.0, allowed * KEPT))
-    assert set(pages_for_terrain(cut, nodes, patches, pyramid, *args).pages.tolist()) == expected
+    faint = made_up_faint(pyramid, seed) if hidden else None
+    expected = plain_pages(boxes, cut.pair_panel.tolist(), forms, pyramid, allowed, faint)
+    assert set(pages_for_terrain(cut, nodes, patches, pyramid, *args, faint=faint).pages.tolist()) == expected
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, allowed=st.lists(st.floats(0.2, 30), min_size=2, max_size=2).map(np.array))
+def test_what_is_too_faint_never_costs_more_pages_and_nothing_where_it_may_not_be_hidden(
+    seed: int, allowed: Floats
+) -> None:
+    nodes, patches = made_up_terrain(seed)
+    nodes = enlarged(nodes, 4)
+    scene = made_up_scene(seed, columns=COLUMNS, rows=ROWS)
+    pyramid = Pyramid.of((COLUMNS, ROWS))
+    args = (scene.views, scene.quilt_size_px, scene.room_from_posts, allowed)
+    cut = select_terrain(nodes, patches, *args)
+    chosen = {}
+    for name, panels in {"none": (False, False), "one": (True, False), "both": (True, True)}.items():
+        faint = made_up_faint(pyramid, seed)._replace(panels=np.array(panels))
+        chosen[name] = set(pages_for_terrain(cut, nodes, patches, pyramid, *args, faint=faint).pages.tolist())
+    assert chosen["none"] == set(pages_for_terrain(cut, nodes, patches, pyramid, *args).pages.tolist())
+    assert chosen["both"] <= chosen["one"] <= chosen["none"]
+    all_stark = Faint(plain_detail(pyramid), np.array([True, True]))
+    assert set(pages_for_terrain(cut, nodes, patches, pyramid, *args, faint=all_stark).pages) == chosen["none"]
+    all_flat = Faint(reduced_detail(pyramid, np.zeros(pyramid.page_count)), np.array([True, True]))
+    assert set(pages_for_terrain(cut, nodes, patches, pyramid, *args, faint=all_flat).pages) <= {pyramid.page_count - 1}
 
 
 @settings(max_examples=20, deadline=None)

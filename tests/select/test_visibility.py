@@ -75,6 +75,19 @@ def test_no_place_of_a_panel_may_err_by_less_than_the_panel_and_none_that_is_see
             assert demands.allowed_px[number] > 0
 
 
+@quick
+@given(display=displays, people=st.lists(viewers, min_size=1, max_size=2), policy=policies)
+def test_faint_detail_is_hidden_by_contrast_alone_and_nowhere_a_pointer_selects(display, people, policy):
+    """Contrast is acuity in all but that: it never asks for finer triangles, and lets pages be coarser."""
+    pointer = Pointer(people[0].position_m, people[0].direction)
+    demands = panel_demands(display, people, policy, pointers=[pointer])
+    assert (demands.hides_faint == ((demands.seen != SELECTED) & (policy.name == "contrast"))).all()
+    acuity, contrast = (panel_demands(display, people, Policy(name)) for name in ("acuity", "contrast"))
+    assert (acuity.allowed_px == contrast.allowed_px).all()
+    assert not acuity.hides_faint.any()
+    assert contrast.hides_faint.all()
+
+
 def one_eyed(person: Viewer) -> list[Viewer]:
     return [
         Viewer(tuple(eye), person.direction, person.gaze, person.acuity_arcmin, eye_separation_m=0)

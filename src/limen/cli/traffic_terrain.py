@@ -8,7 +8,9 @@ from limen.cli.output import Output
 from limen.cli.show_terrain import TerrainOptions, opened_content
 from limen.data.terrain_file import Terrain
 from limen.display.display import Display
-from limen.study.terrain_traffic import TerrainRow, TerrainTraffic, count_terrain_traffic
+from limen.select.detail import plain_detail
+from limen.study.terrain_traffic import CountedDrape, TerrainRow, TerrainTraffic, count_terrain_traffic
+from limen.study.traffic import detail_of, frames_of, page_bytes_of
 from limen.tolerance import Policy
 from limen.track.session import Session
 from limen.track.stand import standing_viewer
@@ -29,14 +31,28 @@ def terrain_traffic(
     """Count and print."""
     terrain = opened_content(out, content)
     assert isinstance(terrain, Terrain)
-    frames = sum(len(session.times_s(rate_hz)) for session in sessions)
-    with out.progress("counting triangles", frames) as step:
+    drape = _drape(out, terrain, part, options, faint=any(policy.name == "contrast" for policy in policies))
+    with out.progress("counting triangles", frames_of(sessions, rate_hz)) as step:
         traffic = count_terrain_traffic(
-            terrain, part, sessions, policies, options.settings(), whole=whole,
+            terrain, part, sessions, policies, options.settings(), whole=whole, drape=drape,
             reference_m=standing_viewer(whole).position_m, rate_hz=rate_hz, advance=lambda: step(1),
         )  # fmt: skip
     out.result(traffic)
     _print(out, traffic)
+
+
+def _drape(
+    out: Output, terrain: Terrain, display: Display, options: TerrainOptions, *, faint: bool
+) -> CountedDrape | None:
+    """The image that lies on the terrain; ``faint``: with what is too faint to be seen in it."""
+    with options.draped(terrain) as draped:
+        if draped is None:
+            return None
+        image, detail = draped.image, plain_detail(draped.image.pyramid)
+        if faint:
+            with out.progress("looking for contrast", 1000) as step:
+                detail = detail_of(image, display, progress=lambda done: step.to(round(1000 * done)))
+        return CountedDrape(image.pyramid, draped.texel_from_post, detail, page_bytes_of(image))
 
 
 def _print(out: Output, traffic: TerrainTraffic) -> None:
@@ -55,10 +71,11 @@ def _print(out: Output, traffic: TerrainTraffic) -> None:
             f"{session.name}: {session.frames:,} frames, {session.duration_s:g} s, {people}; human eyes resolve "
             f"{session.floor_samples_mean / 1e6:.1f} million samples a frame"
         )
+    drape = "" if traffic.drape_page_bytes is None else f", one of the drape {traffic.drape_page_bytes / 1000:.3g} kB"
     out.line(
-        f"A page (relief and heights) is 256 x 256 texels, {traffic.page_bytes / 1000:.3g} kB; a vertex is 8 bytes, a "
-        "triangle 6;\nnothing is kept from frame to frame; MB/s at 30 frames/s. Triangles are drawn once for every "
-        "panel that shows them."
+        f"A page (relief and heights) is 256 x 256 texels, {traffic.page_bytes / 1000:.3g} kB{drape}; a vertex is 8 "
+        "bytes, a triangle 6;\nnothing is kept from frame to frame; MB/s at 30 frames/s. Triangles are drawn once for "
+        "every panel that shows them."
     )
 
 

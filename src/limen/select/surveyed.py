@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from limen.data.contrast import CONTRAST_OF_BYTE, ContrastSurvey
 from limen.data.image import Image
+from limen.display.display import Display
 from limen.select.detail import Detail, contrast_detail
-from limen.select.image import View
 
 __all__ = ["SurveyedContrast"]
 
@@ -26,12 +26,13 @@ class SurveyedContrast:
         self._known: NDArray[np.uint8] | None = None
         self._detail: Detail | None = None
 
-    def detail(self, view: View) -> Detail:
+    def detail(self, display: Display) -> Detail:
+        """Below which tolerance each page's finer detail is seen on a display."""
         contrast = self._started().bytes
         if self._detail is None or self._known is None or not np.array_equal(contrast, self._known):
             self._known = contrast.copy()
-            luminance = np.array([panel.luminance_cd_m2 for panel in view.display.panels])
-            self._detail = contrast_detail(view.pyramid, CONTRAST_OF_BYTE[self._known], luminance)
+            luminance = np.array([panel.luminance_cd_m2 for panel in display.panels])
+            self._detail = contrast_detail(self._image.pyramid, CONTRAST_OF_BYTE[self._known], luminance)
         return self._detail
 
     def complete(self) -> None:

@@ -238,11 +238,13 @@ def walk(tree, forms, drawn, allowed_px, scale, level_m, available):
 
 
 @njit(cache=True, nogil=True)
-def wanted_pages(pair_panel, pair_box, forms, grid, page, tolerance_px, importance):
+def wanted_pages(pair_panel, pair_box, forms, grid, page, tolerance_px, allowed_px, hides_faint, tau, importance):
     """Marks every page that some pixel of a pair asks for: see `limen.select.terrain_pages.pages_for_terrain`.
 
     From the coarsest page down, a page is left for the four below it where what a panel sees of the node in it may ask
-    for a finer level. ``pair_box``, shape (M, 6), and ``forms`` count texels of full resolution in place of posts.
+    for a finer level, and on panels that hide what is faint, if that may be seen (``tau``, see
+    `limen.select.detail.Detail`). ``pair_box``, shape (M, 6), and ``forms`` count texels of full resolution in place of
+    posts.
     ``importance``, shape (pages,), takes how many times too large the texels of the next coarser level would be.
     """
     stack, box = np.empty((_STACK, 3), np.int64), np.empty(6)
@@ -262,10 +264,11 @@ def wanted_pages(pair_panel, pair_box, forms, grid, page, tolerance_px, importan
             seen = nearest_w(box, p, forms)[1]
             if seen < 0.0:
                 continue
-            texels = seen / forms.px_per_post[p] * tolerance_px[p] * (1.0 - _SHADER_SLACK)
+            footprint = seen / forms.px_per_post[p] * (1.0 - _SHADER_SLACK)
+            texels = footprint * tolerance_px[p]
             number = grid.first[level] + row * grid.columns[level] + column
             importance[number] = max(importance[number], 2.0 ** (level + 1) / texels)
-            if level == 0 or texels >= 2.0**level:
+            if level == 0 or texels >= 2.0**level or (hides_faint[p] and footprint * allowed_px[p] >= tau[number]):
                 continue
             for k in range(4):
                 x, y = 2 * column + (k & 1), 2 * row + (k >> 1)

@@ -16,12 +16,12 @@ from limen.data.terrain import Nodes, PatchTable
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.select import terrain_kernels as kernels
-from limen.select.detail import KEPT
+from limen.select.detail import KEPT, Detail
 from limen.select.terrain import TerrainCut
 from limen.select.terrain_forms import terrain_forms
 from limen.view import PanelViews
 
-__all__ = ["OWN_TEXEL_FROM_POST", "TerrainPages", "pages_for_terrain", "texel_tolerance_px"]
+__all__ = ["OWN_TEXEL_FROM_POST", "Faint", "TerrainPages", "pages_for_terrain", "texel_tolerance_px"]
 
 OWN_TEXEL_FROM_POST = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 
@@ -31,6 +31,13 @@ class TerrainPages(NamedTuple):
 
     pages: NDArray[np.int64]  # (K,): distinct page numbers
     importance: Floats  # (K,): how many times too large texels are while a page is missing; never more below it
+
+
+class Faint(NamedTuple):
+    """What is too faint to be seen, and where it may be left out."""
+
+    detail: Detail
+    panels: NDArray[np.bool_]  # (N,)
 
 
 def texel_tolerance_px(allowed_px: Floats, kept: float = KEPT) -> Floats:
@@ -50,11 +57,13 @@ def pages_for_terrain(
     kept: float = KEPT,
     *,
     texel_from_post: Floats | None = None,
+    faint: Faint | None = None,
 ) -> TerrainPages:
     """The pages of a texture laid over the terrain that the panels' pixels ask for.
 
     For every pixel that shows a place of the cut, the page of its level at that place is among them, and all coarser
-    ones there: what a pixel falls back to, and what levels are blended with.
+    ones there: what a pixel falls back to, and what levels are blended with. Where the finer detail of a page is too
+    faint to be seen, the pages below it are left out, and pixels fall back to it.
 
     Parameters
     ----------
@@ -65,6 +74,8 @@ def pages_for_terrain(
     texel_from_post
         Affine map of shape (2, 3) from column and row to texels of full resolution, texel (i, j) from i to i + 1 and j
         to j + 1. By default that of the terrain's own textures, whose texel (i, j) has its centre on post (i, j).
+    faint
+        With it never more pages are chosen than without.
 
     Raises
     ------
@@ -87,6 +98,10 @@ def pages_for_terrain(
         np.array([level.first_page for level in levels], dtype=np.int64),
     )
     importance = np.zeros(pyramid.page_count)
+    if faint is None:
+        hides, tau = np.zeros(len(views.facing), dtype=bool), np.zeros(0)
+    else:
+        hides, tau = faint.panels, faint.detail.tau
     kernels.wanted_pages(
         cut.pair_panel,
         np.ascontiguousarray(box),
@@ -94,6 +109,9 @@ def pages_for_terrain(
         grid,
         PAGE,
         texel_tolerance_px(allowed_px, kept),
+        np.asarray(allowed_px, dtype=float),
+        hides,
+        tau,
         importance,
     )
     wanted = np.flatnonzero(importance)

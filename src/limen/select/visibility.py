@@ -78,6 +78,7 @@ class PanelDemands(NamedTuple):
     angle_deg: Floats  # (P,): the smallest to any viewer in front, inf where there is none
     allowed_px: Floats  # (P,): the smallest of anybody who sees it, inf where nobody does
     decided_by: NDArray[np.int16]  # (P,): the viewer whose demand is the finest; -1: nobody, or what holds anyway
+    hides_faint: NDArray[np.bool_]  # (P,): what is too faint to be seen may be left out of pages
 
 
 class _Sights(NamedTuple):
@@ -114,8 +115,8 @@ def panel_demands(
     ----------
     policy
         ``scheel``: its formula, from distance and angle by the rule. ``acuity`` and ``contrast``: never more than
-        `limen.Tolerance.allowed_px` anywhere on the panel (what is too faint is left to pages). ``full``: half a pixel
-        on all panels, whoever looks.
+        `limen.Tolerance.allowed_px` anywhere on the panel. ``contrast`` also lets pages hide what is too faint on
+        panels that no pointer selects. ``full``: half a pixel on all panels, whoever looks.
     rule
         ``middle``: angles of panels' middles, and with ``scheel`` distances too. ``exact``: the smallest of all places.
     field_deg
@@ -152,6 +153,7 @@ def panel_demands(
         np.where(panels.in_front, angle, np.inf).min(axis=0, initial=np.inf),
         errors.min(axis=0),
         np.append(np.int16(_NOBODY), sights.viewer)[errors.argmin(axis=0)],
+        ~selected & (policy.name == "contrast"),
     )
     return now if earlier is None else _held(now, earlier)
 

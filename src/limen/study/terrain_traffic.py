@@ -6,22 +6,25 @@ import copy
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from limen.data.pages import Pyramid
 from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
+from limen.select.detail import Detail
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import FRAMES_PER_S, one_to_one_view
 from limen.terrain_choice import Scenery, TerrainSettings, TerrainSight, merged
 from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Frame, Session
 
-__all__ = ["TerrainRow", "TerrainSession", "TerrainTraffic", "count_terrain_traffic"]
+__all__ = ["CountedDrape", "TerrainRow", "TerrainSession", "TerrainTraffic", "count_terrain_traffic"]
 
 _FULL = Policy("full")
 _VERTEX_BYTES, _TRIANGLE_BYTES = 8, 6
@@ -40,6 +43,7 @@ class TerrainRow(msgspec.Struct, frozen=True):
     patches_mean: float
     """Distinct, over all panels."""
     pages_mean: float
+    """Those of relief and heights, which come as one, and those of the drape."""
     pages_p99: float
     bytes_mean: float
     bytes_per_s: float
@@ -70,7 +74,18 @@ class TerrainTraffic(msgspec.Struct, frozen=True):
     size_posts: tuple[int, int]
     rate_hz: float
     page_bytes: float
+    drape_page_bytes: float | None
+    """None without a drape."""
     sessions: list[TerrainSession]
+
+
+class CountedDrape(NamedTuple):
+    """What is counted of an image that lies on the terrain."""
+
+    pyramid: Pyramid
+    texel_from_post: Floats
+    detail: Detail  # for the policy `contrast`
+    page_bytes: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +96,7 @@ class _Counted:
     triangles: int
     patches: int
     pages: int
-    patch_bytes: int
+    bytes: float
 
 
 def count_terrain_traffic(
@@ -93,6 +108,7 @@ def count_terrain_traffic(
     *,
     whole: Display | None = None,
     reference_m: Vec3,
+    drape: CountedDrape | None = None,
     rate_hz: float = FRAMES_PER_S,
     threads: int = 2,
     advance: Callable[[], None] | None = None,
@@ -110,15 +126,17 @@ def count_terrain_traffic(
     """
     quilts = pack_outlines(display, max_size_px=1 << 16, max_px=1 << 31)
     scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
+    if drape is not None:
+        scenery = scenery.draped(drape.pyramid, drape.texel_from_post, lambda: drape.detail)
     sight = TerrainSight(scenery, display, quilts, settings, whole=whole or display, reference_m=reference_m)
     every = tuple(dict.fromkeys((*policies, _FULL)))
 
     def look(frame: Frame) -> dict[Policy, _Counted]:
         own = copy.copy(sight)  # every thread poses its own
         own.pose(frame.time_s)
-        return {policy: _counted(own, quilts, frame, policy) for policy in every}
+        return {policy: _counted(own, quilts, frame, policy, page_bytes, drape_bytes) for policy in every}
 
-    page_bytes = terrain.mean_page_bytes
+    page_bytes, drape_bytes = terrain.mean_page_bytes, 0.0 if drape is None else drape.page_bytes
     places = places_of(one_to_one_view(display))
     counted = []
     with ThreadPoolExecutor(threads) as pool:
@@ -130,8 +148,8 @@ def count_terrain_traffic(
                 if advance is not None:
                     advance()
             floor = [resolvable_samples(places, [tolerance_of(frame.viewers, Policy())])[0] for frame in frames]
-            full = _bytes([each[_FULL] for each in seen], page_bytes)
-            rows = [_row(policy, [each[policy] for each in seen], full, page_bytes) for policy in policies]
+            full = np.array([each[_FULL].bytes for each in seen])
+            rows = [_row(policy, [each[policy] for each in seen], full) for policy in policies]
             counted.append(
                 TerrainSession(
                     session.name, len(frames), session.duration_s, len(session.tracks), rows, float(np.mean(floor))
@@ -139,32 +157,33 @@ def count_terrain_traffic(
             )
     return TerrainTraffic(
         terrain.name, display.name, len(display.panels), display.total_px, terrain.size_posts, rate_hz, page_bytes,
-        counted,
+        drape.page_bytes if drape else None, counted,
     )  # fmt: skip
 
 
-def _counted(sight: TerrainSight, quilts: Sequence[Quilt], frame: Frame, policy: Policy) -> _Counted:
+def _counted(
+    sight: TerrainSight, quilts: Sequence[Quilt], frame: Frame, policy: Policy, page_bytes: float, drape_bytes: float
+) -> _Counted:
     demands = sight.demands(frame.viewers, policy, frame.pointers)
     chosen = [sight.choose(quilt, frame.viewers, demands) for quilt in quilts]
     patches = np.unique(np.concatenate([each.cut.pair_patch for each in chosen]))
     table = sight.scenery.patches
+    own = len(merged([(each.pages.pages, each.pages.importance) for each in chosen]))
+    draped = len(merged([(each.drape_pages.pages, each.drape_pages.importance) for each in chosen]))
     moved = _VERTEX_BYTES * table.vertices[patches].sum() + _TRIANGLE_BYTES * table.triangles[patches].sum()
     return _Counted(
         panels=sum(int((each.views.facing & np.isfinite(each.allowed_px)).sum()) for each in chosen),
         triangles=sum(each.cut.triangles for each in chosen),
         patches=len(patches),
-        pages=len(merged([(each.pages.pages, each.pages.importance) for each in chosen])),
-        patch_bytes=int(moved),
+        pages=own + draped,
+        bytes=float(moved) + own * page_bytes + draped * drape_bytes,
     )
 
 
-def _bytes(counted: Sequence[_Counted], page_bytes: float) -> Floats:
-    return np.array([each.patch_bytes + each.pages * page_bytes for each in counted])
-
-
-def _row(policy: Policy, counted: Sequence[_Counted], full_bytes: Floats, page_bytes: float) -> TerrainRow:
-    moved = _bytes(counted, page_bytes)
-    triangles, pages = (np.array([getattr(each, part) for each in counted]) for part in ("triangles", "pages"))
+def _row(policy: Policy, counted: Sequence[_Counted], full_bytes: Floats) -> TerrainRow:
+    moved, triangles, pages = (
+        np.array([getattr(each, part) for each in counted]) for part in ("bytes", "triangles", "pages")
+    )
     return TerrainRow(
         policy=policy.title,
         acuity_arcmin=None if policy.name in ("full", "scheel") else policy.acuity_arcmin,
