@@ -40,7 +40,7 @@ CLASSES = ("outside", "periphery", "focus", "selected")
 OUTSIDE, PERIPHERY, FOCUS, SELECTED = range(4)
 
 FULL_ERROR_PX = 0.5
-"""Half a pixel: the pixels of a panel can show no smaller error. What ``full`` allows, and pointers."""
+"""Half a pixel: the pixels of a panel can show no smaller error. ``full`` and pointers allow it, and nothing less."""
 
 SCHEEL_FIELD_DEG = 60.0
 """The limit of the policy ``scheel``: 90 degrees less what a panel's middle leaves open (section 2.1)."""
@@ -116,7 +116,8 @@ def panel_demands(
     policy
         ``scheel``: its formula, from distance and angle by the rule. ``acuity`` and ``contrast``: never more than
         `limen.Tolerance.allowed_px` anywhere on the panel. ``contrast`` also lets pages hide what is too faint on
-        panels that no pointer selects. ``full``: half a pixel on all panels, whoever looks.
+        panels that no pointer selects. ``full``: half a pixel on all panels, whoever looks. No policy allows less than
+        half a pixel.
     rule
         ``middle``: angles of panels' middles, and with ``scheel`` distances too. ``exact``: the smallest of all places.
     field_deg
@@ -206,7 +207,7 @@ def _allowed_px(
     display: Display, panels: _Panels, within: NDArray[np.bool_], angle: Floats, viewers: Sequence[Viewer],
     policy: Policy, rule: Rule,
 ) -> Floats:  # fmt: skip
-    """What every eye allows every panel, shape (E, P): inf where it sees none."""
+    """What every eye allows every panel, shape (E, P): inf where it sees none, and no less than pixels can show."""
     allowed = np.full(within.shape, np.inf)
     eye, panel = np.nonzero(within)
     corners, normal, pitch_m = panels.corners_m[within], panels.normal[panel], display.arrays.pitch_m[panel]
@@ -221,7 +222,7 @@ def _allowed_px(
         gazes = eyes.gaze[eye], eyes.slack_deg[eye]
         least = least_tolerance_m(corners, normal, *gazes) if policy.gaze else nearest_m(corners, normal)
         allowed[within] = least * eyes.tan_angle[eye] / pitch_m.max(axis=1)
-    return allowed
+    return np.asarray(np.maximum(allowed, FULL_ERROR_PX))
 
 
 def _selected(display: Display, pointers: Sequence[Pointer], before: NDArray[np.int8]) -> NDArray[np.bool_]:
