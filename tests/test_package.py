@@ -56,6 +56,13 @@ def test_importing_limen_is_quick_and_light() -> None:
     assert min(float(answer[0]) for answer in answers) < 0.3
 
 
+def test_showing_an_image_does_not_wait_for_what_terrains_and_sessions_import() -> None:
+    """They take longer than everything else that a window wants."""
+    rest = "zarr", "rasterio", "scipy.signal", "scipy.spatial", "scipy.stats", "trimesh"
+    script = f"import sys, limen.cli.show; print(*[name for name in {rest!r} if name in sys.modules])"
+    assert subprocess.check_output([sys.executable, "-c", script], text=True).split() == []
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_files_and_functions_stay_small(path: Path) -> None:
     """The house asks for 400 and 40 lines; 60 leaves room for a docstring and a table."""

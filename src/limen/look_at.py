@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from limen.data.terrain import Nodes, metric_from_posts
 from limen.display.display import Display
@@ -157,6 +156,8 @@ def fitted_range_m(land: Land, display: Display, eye_m: Vec3, look: LookAt) -> f
     frame = np.stack([np.cross(axis, above), above, axis])
     ways = (np.concatenate([panel.outline_m for panel in display.panels]) - eye_m) @ frame.T
     ahead = ways[ways[:, 2] > 1e-6]
+    from scipy.spatial import ConvexHull  # slow to import, and images have no use for it
+
     edges = ConvexHull(ahead[:, :2] / ahead[:, 2:]).equations  # a x + b y + c <= 0 inside, of slopes
     box = (corners - _target_m(land, look)) @ _room_from_metric(axis, look).T @ frame.T
     # The same times depth, range + z: a x + b y + c (range + z) <= 0 at every corner, and c < 0 around the axis.

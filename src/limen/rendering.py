@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from limen.data.image import Image
 from limen.data.mesh import Mesh
 from limen.data.opening import open_content
-from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.draw.image import Overlay
 from limen.draw.scene import SceneOverlay
@@ -30,6 +29,9 @@ from limen.terrain_choice import TerrainSettings
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN
+
+if TYPE_CHECKING:
+    from limen.data.terrain_file import Terrain
 
 __all__ = ["render"]
 

@@ -10,13 +10,12 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from limen.camera import Camera
-from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt, pieces
@@ -33,6 +32,9 @@ from limen.terrain_choice import Choice, Scenery, TerrainSettings, TerrainSight,
 from limen.terrain_stock import GPU_BYTES, Draped, TerrainStock, Wishes
 from limen.tolerance import Policy
 from limen.viewer import Pointer, Viewer
+
+if TYPE_CHECKING:
+    from limen.data.terrain_file import Terrain
 
 __all__ = ["BACKGROUND", "TerrainRenderer", "TerrainReport"]
 

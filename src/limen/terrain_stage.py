@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.draw.terrain import TerrainOverlay
@@ -20,6 +19,9 @@ from limen.terrain_choice import TerrainSettings
 from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.viewer import Pointer, Viewer
+
+if TYPE_CHECKING:
+    from limen.data.terrain_file import Terrain
 
 __all__ = ["TerrainExhibit", "TerrainStage", "nobody_points"]
 

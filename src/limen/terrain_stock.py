@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.image import Image
-from limen.data.terrain_file import Terrain
 from limen.draw.terrain import Drape, PageTables, TerrainLayer
 from limen.errors import FormatError
 from limen.geometry import Floats
@@ -18,6 +17,9 @@ from limen.gpu.pool import PagePool
 from limen.patch_stream import PatchPlaces, PatchStream
 from limen.select.rims import RimPool
 from limen.stream import FADE_S, PageSource, Stream
+
+if TYPE_CHECKING:
+    from limen.data.terrain_file import Terrain
 
 __all__ = ["GPU_BYTES", "Draped", "TerrainStock", "Wishes"]
 

@@ -14,8 +14,8 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.live import Tour
 from limen.terrain_stage import nobody_points
+from limen.track.session import Session
 from limen.track.stand import standing_viewer
-from limen.track.walk import session_named
 from limen.viewer import Pointer, Viewer
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]
@@ -84,6 +84,9 @@ class Asked:
             raise InputError(f"--frames must be at least 1, got {self.files.frames}")
         if self.session and self.viewer:
             raise InputError("give --session or --viewer, not both")
+        if (self.session or self.panels) and not self.whole:
+            option = "--session" if self.session else "--panels"
+            raise InputError(f"{option} is about a display's panels: give --display too")
         if self.files.seen_from:
             place(self.files.seen_from, "--seen-from")
             if not self.files.simulate:
@@ -100,23 +103,30 @@ class Asked:
 
     def tour(self) -> Tour:
         """Who looks at time t, as a function; a session is run again and again."""
-        if self.session and self.whole:
-            recorded = session_named(self.session, self.whole)
+        recorded = self._recorded()
+        if recorded is not None:
             return lambda time_s: recorded.at(recorded.start_s + time_s % recorded.duration_s)
         person = self.stander()
         return lambda time_s: (replace(person, time_s=time_s),)
 
     def pointers(self) -> Callable[[float], Sequence[Pointer]]:
         """Who points where, by the viewers' clock."""
-        if not (self.session and self.whole):
-            return nobody_points
-        return session_named(self.session, self.whole).pointers_at
+        recorded = self._recorded()
+        return nobody_points if recorded is None else recorded.pointers_at
 
     def moments(self) -> list[Sequence[Viewer]]:
         """Who looks in each frame, spread over the session."""
-        if not (self.session and self.whole):
+        recorded = self._recorded()
+        if recorded is None:
             tour = self.tour()
             return [tour(number * _STEP_S) for number in range(self.files.frames)]
-        recorded = session_named(self.session, self.whole)
         times_s = recorded.start_s + np.linspace(0, recorded.duration_s, self.files.frames + 2)[1:-1]
         return [recorded.at(float(time_s)) for time_s in times_s]
+
+    def _recorded(self) -> Session | None:
+        """The session that was asked for; None where nobody walks."""
+        if not (self.session and self.whole):
+            return None
+        from limen.track.walk import session_named  # SciPy takes most of a second
+
+        return session_named(self.session, self.whole)
