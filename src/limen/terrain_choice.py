@@ -61,6 +61,8 @@ class TerrainSettings:
     def __post_init__(self) -> None:
         if self.camera not in CAMERAS:
             raise InputError(f"no camera is named '{self.camera}': there are {', '.join(CAMERAS)}")
+        if self.most_triangles is not None and self.most_triangles < 1:
+            raise InputError(f"most_triangles must be at least 1, got {self.most_triangles}")
 
 
 class Scenery(NamedTuple):

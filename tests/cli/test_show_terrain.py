@@ -120,6 +120,19 @@ def test_traffic_counts_what_of_a_drape_is_too_faint(
     assert noisy[1] == noisy[0]
 
 
+@pytest.mark.gpu
+def test_a_budget_of_triangles_is_kept_and_costs_error(
+    land: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("show", land, "--out", tmp_path, "--scale", "0.2", "--policy", "full")
+    (free,), (tight,) = (result(capsys, *words, *more)["frames"] for more in ((), ("--most-triangles", 500)))
+    assert tight["triangles"] < 1000 < free["triangles"]  # fans along borders come on top of the budget
+    assert tight["max_error_px"] > free["max_error_px"]
+    counted = result(capsys, "traffic", land, "--display", "rostock", "--session", "A", "--rate-hz", "0.05",
+                     "--policy", "acuity", "--most-triangles", "5000")  # fmt: skip
+    assert counted["sessions"][0]["rows"][0]["triangles_p99"] <= 5000
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -134,15 +147,29 @@ def test_traffic_counts_what_of_a_drape_is_too_faint(
         (("show", "LAND", "--contours", "many"), "--contours takes metres"),
         (("show", "LAND", "--colours", "drape"), "--colours drape needs --drape"),
         (("show", "LAND", "--drape", "nowhere.png"), "nowhere.png"),
-        (("traffic", "LAND", "--display", "rostock", "--plot", "a.png"), "--plot and --per-node are for images"),
+        (("traffic", "LAND", "--display", "rostock", "--plot", "a.png"), "--plot, --per-node and --fit are for images"),
+        (
+            ("traffic", "LAND", "--display", "rostock", "--fit", "contain"),
+            "--plot, --per-node and --fit are for images",
+        ),
+        (("traffic", "one-to-one", "--display", "rostock", "--most-triangles", "9"), "and --most-triangles"),
+        (("show", "LAND", "--fit", "contain"), "this content is a terrain: leave out --fit"),
+        (("show", "LAND", "--most-triangles", "0"), "most_triangles must be at least 1"),
+        (("show", "LAND", "--drape", "LAND"), "is a terrain, and an image is wanted here"),
+        (("demo", "--content", "LAND"), "is a terrain, and an image is wanted here"),
+        (("demo", "--content", "DEM"), "is a terrain, and an image is wanted here"),
+        (("demo", "--content", "MESH"), "is a mesh, and an image is wanted here"),
         (("traffic", "one-to-one", "--display", "rostock", "--camera", "fixed"), "is no terrain"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
     land: Path, words: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = [land if word == "LAND" else word for word in words]
-    if words[0] == "show":
+    mesh = tmp_path / "triangle.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    files = {"LAND": land, "DEM": land.with_name("hills.tif"), "MESH": mesh}
+    given = [files.get(word, word) for word in words]
+    if words[0] in ("show", "demo"):
         given += ["--out", tmp_path / "never"]
     capsys.readouterr()
     assert run(*given) == 2

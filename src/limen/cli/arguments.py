@@ -12,7 +12,16 @@ from limen.errors import InputError
 from limen.geometry import Vec3, as_vec3
 from limen.placement import Fit
 
-__all__ = ["AcuityOption", "DisplayOption", "FitOption", "PanelsOption", "PolicyOption", "chosen_panels", "place"]
+__all__ = [
+    "AcuityOption",
+    "DisplayOption",
+    "FitOption",
+    "PanelsOption",
+    "PolicyOption",
+    "TrianglesOption",
+    "chosen_panels",
+    "place",
+]
 
 DisplayOption = Annotated[str, Parameter(help="A preset's name or a display file (TOML); see `limen display`.")]
 PanelsOption = Annotated[
@@ -22,11 +31,16 @@ PolicyOption = Annotated[
     str,
     Parameter(
         help="full: the ordinary mip level. acuity: also what distance hides. contrast: also what is too faint to be "
-        "seen. snellen: acuity at 1 arcminute. With +gaze appended: also what is far from where the viewers look."
+        "seen. snellen: acuity at 1 arcminute. With +gaze appended: also what is far from where the viewers look. "
+        "scheel: of a terrain, what Scheel and others allow each panel."
     ),
 ]
 AcuityOption = Annotated[str, Parameter(help="Smallest detail seen: arcminutes, 'human' (0.64) or 'snellen' (1).")]
 FitOption = Annotated[Fit, Parameter(help="How the image lies on the display's unrolled surface.")]
+TrianglesOption = Annotated[
+    int,
+    Parameter(help="Of a terrain: a budget for each quilt. Where more triangles would be wanted, all errors grow."),
+]
 
 
 def chosen_panels(display: str, panels: Sequence[str]) -> Display:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from limen.cli.arguments import (
     AcuityOption,
     DisplayOption,
-    FitOption,
     PanelsOption,
     PolicyOption,
+    TrianglesOption,
 )
 from limen.cli.asked import FILES_DEFAULT, WINDOWS_DEFAULT, Asked, FileOptions, Overlays, WindowOptions
 from limen.cli.output import DEFAULT, Common, Output
@@ -30,7 +30,6 @@ from limen.cli.show_terrain import (
 )
 from limen.data.image import Image
 from limen.data.mesh import Mesh
-from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.draw.terrain import TerrainOverlay
 from limen.errors import InputError
@@ -46,6 +45,9 @@ from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.track.stand import standing_viewer
 from limen.viewer import Viewer
+
+if TYPE_CHECKING:
+    from limen.data.terrain_file import Terrain
 
 __all__ = ["show"]
 
@@ -68,7 +70,10 @@ def show(
     ] = "",
     policy: PolicyOption = "acuity",
     acuity_arcmin: AcuityOption = "human",
-    fit: FitOption = "contain",
+    fit: Annotated[
+        Fit | None, Parameter(help="How an image lies on the unrolled surface: contain if not given.")
+    ] = None,
+    most_triangles: TrianglesOption | None = None,
     overlay: Annotated[
         Overlays,
         Parameter(
@@ -93,33 +98,35 @@ def show(
     chosen = Policy.parse(policy, acuity_arcmin)
     name = display or ("desktop" if out else "")
     asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows)
+    given = {
+        "--fit": ("an image", fit is not None),
+        "the options of meshes": ("a mesh", mesh != MESH_DEFAULT),
+        "the options of terrains": ("a terrain", terrain != TERRAIN_DEFAULT),
+        "--most-triangles": ("a terrain", most_triangles is not None),
+    }
     with ExitStack() as stack:
         opened = opened_content(out_stream, content)
         if isinstance(opened, Image):
             stack.enter_context(opened)
-            _refuse(
-                "an image",
-                overlay,
-                ("levels",),
-                {"meshes": mesh != MESH_DEFAULT, "terrains": terrain != TERRAIN_DEFAULT},
-            )
-            _show_image(opened, asked, chosen, fit, out, out_stream)
+            _refuse("an image", overlay, ("levels",), given)
+            _show_image(opened, asked, chosen, fit or "contain", out, out_stream)
         elif isinstance(opened, Mesh):
-            _refuse("a mesh", overlay, ("panels",), {"terrains": terrain != TERRAIN_DEFAULT})
+            _refuse("a mesh", overlay, ("panels",), given)
             _show_mesh(opened, asked, mesh, out, out_stream)
         else:
-            _refuse("a terrain", overlay, ("panels", "patches"), {"meshes": mesh != MESH_DEFAULT})
-            exhibit = _exhibit(opened, asked, terrain, chosen, stack.enter_context(terrain.draped(opened)))
+            _refuse("a terrain", overlay, ("panels", "patches"), given)
+            draped = stack.enter_context(terrain.draped(opened))
+            exhibit = _exhibit(opened, asked, terrain, most_triangles, chosen, draped)
             _show_terrain(exhibit, asked, out, out_stream)
 
 
-def _refuse(kind: str, overlay: str, overlays: Sequence[str], others: dict[str, bool]) -> None:
-    """Refuse what is not for this kind of content; ``others``: whether options of other kinds were given."""
+def _refuse(kind: str, overlay: str, overlays: Sequence[str], given: dict[str, tuple[str, bool]]) -> None:
+    """Refuse what is not for this kind of content; ``given``: what options are for, and whether they were given."""
     if overlay not in ("none", *overlays):
         raise InputError(f"--overlay {overlay} is not for {kind}: give --overlay {' or '.join(overlays)}")
-    given = [name for name, was_given in others.items() if was_given]
-    if given:
-        raise InputError(f"this content is {kind}: leave out the options of {given[0]} (limen show --help lists them)")
+    foreign = [words for words, (owner, was_given) in given.items() if was_given and owner != kind]
+    if foreign:
+        raise InputError(f"this content is {kind}: leave out {foreign[0]} (limen show --help lists what is for what)")
 
 
 def _show_mesh(content: Mesh, asked: Asked, options: MeshOptions, folder: Path | None, out: Output) -> None:
@@ -156,13 +163,15 @@ def _show_live(exhibit: Exhibit, asked: Asked, out: Output) -> list[Any]:
 
 
 def _exhibit(
-    content: Terrain, asked: Asked, options: TerrainOptions, policy: Policy, draped: Draped | None
-) -> TerrainExhibit:
+    content: Terrain, asked: Asked, options: TerrainOptions, most_triangles: int | None, policy: Policy,
+    draped: Draped | None,
+) -> TerrainExhibit:  # fmt: skip
     reference_m = standing_viewer(asked.whole).position_m if asked.whole else (0.0, 0.0, 0.0)
     overlay: TerrainOverlay = "patches" if asked.overlay == "patches" else "panels"
     return TerrainExhibit(
-        content, options.look(), options.settings(), policy, reference_m, asked.whole, draped, asked.pointers(), overlay
-    )
+        content, options.look(), options.settings(most_triangles), policy, reference_m, asked.whole, draped,
+        asked.pointers(), overlay,
+    )  # fmt: skip
 
 
 def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, out: Output) -> None:

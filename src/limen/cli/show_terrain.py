@@ -7,18 +7,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.cli.show_mesh import lit_display, onlookers
-from limen.data.drape import texel_from_post
-from limen.data.image import Image, open_image
+from limen.data.image import Image
 from limen.data.mesh import Mesh
-from limen.data.opening import open_content
-from limen.data.terrain_file import Terrain
+from limen.data.opening import open_content, open_picture
 from limen.display.display import Display
 from limen.draw.terrain import TerrainOverlay
 from limen.draw.terrain_look import Colours, TerrainLook
@@ -33,6 +31,9 @@ from limen.terrain_choice import CameraKind, TerrainSettings
 from limen.terrain_stage import TerrainExhibit
 from limen.terrain_stock import Draped
 from limen.viewer import Viewer
+
+if TYPE_CHECKING:
+    from limen.data.terrain_file import Terrain
 
 __all__ = [
     "TERRAIN_DEFAULT",
@@ -81,10 +82,10 @@ class TerrainOptions:
     sun_azimuth_deg: Annotated[float, Parameter(allow_leading_hyphen=True, help="Clockwise from north.")] = 315.0
     sun_altitude_deg: Annotated[float, Parameter(help="Above the horizon.")] = 45.0
 
-    def settings(self) -> TerrainSettings:
+    def settings(self, most_triangles: int | None) -> TerrainSettings:
         """From where it is looked at, and how detail is chosen; raises InputError for what cannot be."""
         look_at = LookAt(_pair(self.target), self.heading_deg, self.pitch_deg, self.range_m, self.exaggeration)
-        return TerrainSettings(look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg)
+        return TerrainSettings(look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg, most_triangles)
 
     def look(self) -> TerrainLook:
         """Its colours and light; raises InputError for what cannot be."""
@@ -100,7 +101,9 @@ class TerrainOptions:
                 raise InputError("--colours drape needs --drape IMAGE")
             yield None
             return
-        with open_image(self.drape) as image:
+        from limen.data.drape import texel_from_post  # GDAL takes a quarter of a second
+
+        with open_picture(self.drape) as image:
             yield Draped(image, texel_from_post(terrain, self.drape, image.size_px))
 
 

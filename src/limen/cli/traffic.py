@@ -13,7 +13,7 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.cli.show_terrain import TERRAIN_DEFAULT, TerrainOptions
 from limen.cli.traffic_terrain import terrain_traffic
 from limen.data.elevation_type import is_terrain
-from limen.data.image import open_image
+from limen.data.opening import open_picture
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.placement import Fit, OnSurface
@@ -43,7 +43,8 @@ def traffic(
     policy: _Words | None = None,
     acuity_arcmin: _Words | None = None,
     rate_hz: float = 30.0,
-    fit: Fit = "contain",
+    fit: Fit | None = None,
+    most_triangles: int | None = None,
     per_node: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     terrain: TerrainOptions = TERRAIN_DEFAULT,
@@ -64,15 +65,18 @@ def traffic(
     session
         A, B, C (the default: all three) or session files.
     policy
-        full, acuity, contrast, snellen, all but full also with +gaze appended (default: full acuity; for an image
-        file also acuity+gaze contrast contrast+gaze; for a terrain full scheel acuity acuity+gaze).
+        full, acuity, contrast, snellen, all but full also with +gaze appended; for a terrain also scheel (default: full
+        acuity; for an image file also acuity+gaze contrast contrast+gaze; for a terrain full scheel acuity
+        acuity+gaze).
     acuity_arcmin
         A row of each policy for each of these (human and snellen are names). By default acuity has rows for 1 0.64 0.5,
         the others for 0.64.
     rate_hz
         Frames of the session to look at, per second.
     fit
-        How an image file lies on the display: contain, cover, one-to-one.
+        How an image file lies on the display: contain (the default), cover, one-to-one.
+    most_triangles
+        Of a terrain: a budget. Where a frame would want more of them, all errors grow.
     per_node
         Count a page once for every node that shows it, instead of once for the wall.
     plot
@@ -85,21 +89,22 @@ def traffic(
         if walked.display != whole.name:
             out.say(f"session '{walked.name}' was made for '{walked.display}', and is counted on '{whole.name}'")
     if content != ONE_TO_ONE and is_terrain(content):
-        if plot is not None or per_node:
-            raise InputError("--plot and --per-node are for images; leave them out for a terrain")
+        if plot is not None or per_node or fit is not None:
+            raise InputError("--plot, --per-node and --fit are for images; leave them out for a terrain")
         chosen = study.policies_of(
             policy or ["full", "scheel", "acuity", "acuity+gaze"], acuity_arcmin or [HUMAN_ARCMIN]
         )
-        terrain_traffic(out, content, whole, part, sessions, chosen, terrain, rate_hz)
+        terrain_traffic(out, content, whole, part, sessions, chosen, terrain, most_triangles, rate_hz)
         return
-    if terrain != TERRAIN_DEFAULT:
+    if terrain != TERRAIN_DEFAULT or most_triangles is not None:
         raise InputError(
-            f"{content} is no terrain: leave out the options of terrains (limen traffic --help lists them)"
+            f"{content} is no terrain: leave out the options of terrains and --most-triangles (limen traffic --help "
+            "lists them)"
         )
     policies = _policies(content, policy, acuity_arcmin)
     if plot is not None:
         format_of(plot)  # a wrong ending should not cost a minute of counting
-    view, page_bytes, detail = _view(out, content, part, fit, policies)
+    view, page_bytes, detail = _view(out, content, part, fit or "contain", policies)
     with out.progress("counting pages", study.frames_of(sessions, rate_hz)) as step:
         counts = tuple(
             study.count_traffic(view, walked, policies, rate_hz=rate_hz, per_node=per_node, detail=detail, advance=step)
@@ -125,7 +130,7 @@ def _view(
 ) -> tuple[View, float, Detail | None]:
     if content == ONE_TO_ONE:
         return study.one_to_one_view(display), study.PAPER_PAGE_BYTES, None
-    with open_image(content) as image:
+    with open_picture(content) as image:
         view, detail = view_of(display, image.pyramid, OnSurface(fit)), None
         if any(policy.name == "contrast" for policy in policies):
             with out.progress("looking for contrast", 1000) as step:

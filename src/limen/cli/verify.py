@@ -11,7 +11,8 @@ from cyclopts import Parameter
 
 from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOption, chosen_panels
 from limen.cli.output import DEFAULT, Common, Output
-from limen.data.image import Image, open_image
+from limen.data.image import Image
+from limen.data.opening import open_picture
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.gpu.device import open_device
@@ -112,7 +113,7 @@ def verify(
         _print_failed(out, controls)
         out.result(report)
         sys.exit(1)
-    with open_image(content) as image:
+    with open_picture(content) as image:
         windows = choose_windows(view_of(part, image.pyramid, OnSurface(fit)), walk, views, seed)
         judged = _judge(out, image, part, OnSurface(fit), windows, trials, observers)
     report.rows = rows_of(trials, judged)

@@ -10,11 +10,12 @@ from limen.data.elevation_type import is_terrain
 from limen.data.image import CACHE_BYTES, Image, existing_file, open_image
 from limen.data.mesh import Mesh
 from limen.data.mesh_file import mesh_type, open_mesh
+from limen.errors import FormatError
 
 if TYPE_CHECKING:
     from limen.data.terrain_file import Terrain
 
-__all__ = ["open_content"]
+__all__ = ["open_content", "open_picture"]
 
 
 def open_content(
@@ -38,3 +39,11 @@ def open_content(
         return open_terrain(path, progress=progress)
     path = existing_file(path)
     return open_image(path, cache_bytes=cache_bytes) if mesh_type(path) is None else open_mesh(path)
+
+
+def open_picture(path: str | Path) -> Image:
+    """An image, where nothing else will do; a FormatError says so of a mesh or a terrain, else as `open_content`."""
+    kind = "a terrain" if is_terrain(path) else "a mesh" if mesh_type(existing_file(path)) else None
+    if kind is not None:
+        raise FormatError(f"{path}: is {kind}, and an image is wanted here; `limen show {path}` draws it")
+    return open_image(path)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from limen.data import ingest, sample_image
-from limen.data.image import Image, open_image
+from limen.data.image import Image
 from limen.data.machine import cache_folder
+from limen.data.opening import open_picture
 from limen.data.partial import write_bytes
 from limen.display.display import Display
 from limen.errors import NeedsIngestError
@@ -268,7 +269,7 @@ def _sample(watch: Watch) -> Path:
 
 def _open_ready(content: Path, watch: Watch) -> Image:
     try:
-        return open_image(content)
+        return open_picture(content)
     except NeedsIngestError:
         state = content.stat()
         key = sha256(f"{content.resolve()} {state.st_size} {state.st_mtime_ns}".encode()).hexdigest()[:12]
@@ -276,7 +277,7 @@ def _open_ready(content: Path, watch: Watch) -> Image:
         if not path.exists():
             with watch(f"making a pyramid of {content.name} (once)", 1.0) as step:
                 ingest(content, path, progress=_fraction(step))
-        return open_image(path)
+        return open_picture(path)
 
 
 def _fraction(step: Callable[[float], None]) -> Callable[[float], None]:
