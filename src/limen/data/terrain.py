@@ -2,8 +2,10 @@
 
 Posts are counted from 0 along columns (east, where the raster is north up) and rows (south). A node covers a rectangle
 of posts, borders included, so neighbours share their border posts. Its patches are triangulations of all of it; a
-patch's error is the largest vertical distance, over all posts of the node, between the post and the patch, **whatever
-vertices its neighbours add to its borders**. Heights of vertices are those of the posts, exactly.
+patch's error is the largest vertical distance, at posts and anywhere between them, from the surface of all posts, two
+triangles for four posts (`limen.data.tin_tree.exact_patch`), **whatever vertices its neighbours add to its borders**.
+Where a triangle of that surface has a post without data, nothing counts. Heights of vertices are those of the posts,
+exactly.
 
 Where two patches of any fineness meet, the border carries the vertices of both. Every triangle with an edge on a border
 (a rim) has its third vertex, the apex, inside, so adding vertices to the edge makes a fan about the apex, and no crack.

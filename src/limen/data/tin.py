@@ -144,7 +144,7 @@ class _Run:
             border_kernels.insert_chosen(self.mesh, self.border, side)
 
     def improve(self, error_m: float, max_triangles: int) -> bool:
-        """Whether no post is worse than ``error_m``; False if that takes more triangles than allowed."""
+        """Whether no place is worse than ``error_m``; False if that takes more triangles than allowed."""
         while True:
             end = tin_kernels.improve(self.mesh, self.border, self.heights_m, self.truth_m, error_m, max_triangles)
             if end != tin_kernels.FULL:
@@ -204,15 +204,18 @@ def refine(
 ) -> list[Tin]:
     """Triangulate a rectangle of posts at descending errors, by one greedy run (Garland, Heckbert 1995, algorithm IV).
 
-    Every step keeps the vertices of the one before and inserts the post farthest from the surface until all are near
-    enough; the triangulation is Delaunay's. Borders are simplified on their own, from their posts alone.
+    Every step keeps the vertices of the one before and inserts the post that is farthest off until none is too far, and
+    then posts beside the worst places between posts until all of the surface is near enough. The surface is that of all
+    posts, see `limen.data.terrain`; the triangulation is Delaunay's. Borders are simplified on their own, from their
+    posts alone, until triangles beside them need more.
 
     Parameters
     ----------
     heights_m
         Posts (rows, columns), at least 2 x 2 and at most `LARGEST` a side, voids filled.
     void
-        True where a post has no data, and its height counts as no error; None if all have.
+        True where a post has no data: it counts as no error, and nor do places between it and its neighbours. None if
+        all have.
     errors_m
         Vertical errors in metres, descending, at least one.
     max_triangles
@@ -222,8 +225,8 @@ def refine(
     -------
     list[Tin]
         One for each step done; a step that needs no more vertices than the one before is the same object. The
-        ``error_m`` of a step is at most its entry in ``errors_m``, and never exceeded at a post, whatever posts are
-        added to borders.
+        ``error_m`` of a step is at most its entry in ``errors_m``, and exceeded nowhere, at posts or between them,
+        whatever posts are added to borders.
 
     Raises
     ------

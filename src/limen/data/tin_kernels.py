@@ -142,7 +142,7 @@ def improve(mesh: Any, border: Any, heights: Any, truth: Any, error: Any, most: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def worst_of_all(mesh: Any) -> Any:
-    """The largest residual of all inner posts, in metres."""
+    """The largest residual of all triangles, in metres."""
     worst = 0.0
     for t in range(mesh.counts[1]):
         worst = max(worst, mesh.worst[t])
