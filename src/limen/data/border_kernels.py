@@ -82,7 +82,7 @@ def begin_border(border: Any) -> None:
     for side in range(4):
         end = border.length[side] - 1
         border.vertex[side, 0], border.vertex[side, end] = first[side], last[side]
-        _measure(border, side, 0, end, kept)
+        _measure(border, side, np.int64(0), end, kept)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -90,7 +90,7 @@ def split_side(border: Any, side: Any, error: Any) -> None:
     """Choose posts until no segment's hull is thicker than ``error`` (Ramer 1972, with the hull as measure)."""
     heights, vertex, thickness = border.heights_m[side], border.vertex[side], border.thickness_m[side]
     kept = np.empty(heights.shape[0], dtype=np.int64)
-    i, end = 0, border.length[side] - 1
+    i, end = np.int64(0), border.length[side] - 1
     while i < end:
         j = i + 1
         while vertex[j] == -1:

@@ -75,46 +75,47 @@ def _link(points: Any, edges: Any, e: Any, other: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def touch(mesh: Any, t: Any) -> None:
+def touch(worst: Any, whole: Any, stale: Any, counts: Any, t: Any) -> None:
     """Have the posts of triangle ``t`` looked at again."""
-    if mesh.worst[t] >= 0.0:
-        mesh.worst[t] = -1.0
-        mesh.whole[t] = False
-        mesh.stale[mesh.counts[2]] = t
-        mesh.counts[2] += 1
+    if worst[t] >= 0.0:
+        worst[t] = -1.0
+        whole[t] = False
+        stale[counts[2]] = t
+        counts[2] += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _triangle(mesh: Any, t: Any, a: Any, b: Any, c: Any) -> None:
-    mesh.edges[3 * t, 0], mesh.edges[3 * t + 1, 0], mesh.edges[3 * t + 2, 0] = a, b, c
-    touch(mesh, t)
+def _triangle(edges: Any, worst: Any, whole: Any, stale: Any, counts: Any, t: Any, a: Any, b: Any, c: Any) -> None:
+    edges[3 * t, 0], edges[3 * t + 1, 0], edges[3 * t + 2, 0] = a, b, c
+    touch(worst, whole, stale, counts, t)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _new_triangle(mesh: Any) -> Any:
-    t = mesh.counts[1]
-    mesh.counts[1] += 1
-    mesh.worst[t] = 0.0
+def _new_triangle(worst: Any, counts: Any) -> Any:
+    t = counts[1]
+    counts[1] += 1
+    worst[t] = 0.0
     return t
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _new_vertex(mesh: Any, x: Any, y: Any) -> Any:
-    p = mesh.counts[0]
-    mesh.counts[0] += 1
-    mesh.points[p, 0], mesh.points[p, 1], mesh.points[p, 2] = x, y, -1
-    mesh.taken[y, x] = True
+def _new_vertex(points: Any, taken: Any, counts: Any, x: Any, y: Any) -> Any:
+    p = counts[0]
+    counts[0] += 1
+    points[p, 0], points[p, 1], points[p, 2] = x, y, -1
+    taken[y, x] = True
     return p
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _flip_until_delaunay(mesh: Any, size: Any) -> None:
+def _flip_until_delaunay(
+    points: Any, edges: Any, stack: Any, worst: Any, whole: Any, stale: Any, counts: Any, size: Any
+) -> None:
     """Flip edges on the stack, each opposite the vertex just inserted, and those that flips uncover (Lawson 1977)."""
-    points, edges, stack = mesh.points, mesh.edges, mesh.stack
     while size > 0:
         size -= 1
-        e = stack[size]
-        h = edges[e, 1]
+        e = np.int64(stack[size])
+        h = np.int64(edges[e, 1])
         if h < 0:
             continue
         en, hn = _next(e), _next(h)
@@ -123,14 +124,14 @@ def _flip_until_delaunay(mesh: Any, size: Any) -> None:
         inside = _in_circle(points, p, a, b, q)
         if inside < 0 or (inside == 0 and not (_diagonal(points, a, b) == -1 and _diagonal(points, p, q) == 1)):
             continue
-        beside_aq, beside_qb, beside_bp = edges[hn, 1], edges[hp, 1], edges[en, 1]
+        beside_aq, beside_qb, beside_bp = np.int64(edges[hn, 1]), np.int64(edges[hp, 1]), np.int64(edges[en, 1])
         edges[en, 0], edges[h, 0], edges[hn, 0], edges[hp, 0] = q, q, b, p
         _link(points, edges, e, beside_aq)
         _link(points, edges, h, beside_qb)
         _link(points, edges, hn, beside_bp)
         _link(points, edges, en, hp)
-        touch(mesh, e // 3)
-        touch(mesh, h // 3)
+        touch(worst, whole, stale, counts, e // 3)
+        touch(worst, whole, stale, counts, h // 3)
         stack[size], stack[size + 1] = e, h
         size += 2
 
@@ -139,37 +140,38 @@ def _flip_until_delaunay(mesh: Any, size: Any) -> None:
 def _insert_on_edge(mesh: Any, e: Any, x: Any, y: Any) -> Any:
     """Split edge a-b, and the one or two triangles beside it."""
     points, edges, stack = mesh.points, mesh.edges, mesh.stack
-    p = _new_vertex(mesh, x, y)
-    h, t = edges[e, 1], e // 3
+    worst, whole, stale, counts = mesh.worst, mesh.whole, mesh.stale, mesh.counts
+    p = _new_vertex(points, mesh.taken, counts, x, y)
+    h, t = np.int64(edges[e, 1]), e // 3
     en = _next(e)
     ep = _next(en)
     a, b, c = edges[e, 0], edges[en, 0], edges[ep, 0]
-    beside_bc, beside_ca = edges[en, 1], edges[ep, 1]
-    right = _new_triangle(mesh)
-    _triangle(mesh, t, c, a, p)
-    _triangle(mesh, right, b, c, p)
+    beside_bc, beside_ca = np.int64(edges[en, 1]), np.int64(edges[ep, 1])
+    right = _new_triangle(worst, counts)
+    _triangle(edges, worst, whole, stale, counts, t, c, a, p)
+    _triangle(edges, worst, whole, stale, counts, right, b, c, p)
     _link(points, edges, 3 * t, beside_ca)
     _link(points, edges, 3 * right, beside_bc)
     _link(points, edges, 3 * t + 2, 3 * right + 1)
     stack[0], stack[1] = 3 * t, 3 * right
     if h < 0:
-        _link(points, edges, 3 * t + 1, -1)
-        _link(points, edges, 3 * right + 2, -1)
-        _flip_until_delaunay(mesh, 2)
+        _link(points, edges, 3 * t + 1, h)
+        _link(points, edges, 3 * right + 2, h)
+        _flip_until_delaunay(points, edges, stack, worst, whole, stale, counts, np.int64(2))
         return p
     hn, u = _next(h), h // 3
     hp = _next(hn)
-    d, beside_ad, beside_db = edges[hp, 0], edges[hn, 1], edges[hp, 1]
-    other = _new_triangle(mesh)
-    _triangle(mesh, u, a, d, p)
-    _triangle(mesh, other, d, b, p)
+    d, beside_ad, beside_db = edges[hp, 0], np.int64(edges[hn, 1]), np.int64(edges[hp, 1])
+    other = _new_triangle(worst, counts)
+    _triangle(edges, worst, whole, stale, counts, u, a, d, p)
+    _triangle(edges, worst, whole, stale, counts, other, d, b, p)
     _link(points, edges, 3 * u, beside_ad)
     _link(points, edges, 3 * other, beside_db)
     _link(points, edges, 3 * u + 1, 3 * other + 2)
     _link(points, edges, 3 * t + 1, 3 * u + 2)
     _link(points, edges, 3 * right + 2, 3 * other + 1)
     stack[2], stack[3] = 3 * u, 3 * other
-    _flip_until_delaunay(mesh, 4)
+    _flip_until_delaunay(points, edges, stack, worst, whole, stale, counts, np.int64(4))
     return p
 
 
@@ -184,51 +186,54 @@ def insert(mesh: Any, t: Any, x: Any, y: Any) -> Any:
         return _insert_on_edge(mesh, 3 * t + 1, x, y)
     if _orient(points, c, a, x, y) == 0:
         return _insert_on_edge(mesh, 3 * t + 2, x, y)
-    p = _new_vertex(mesh, x, y)
-    beside_bc, beside_ca = edges[3 * t + 1, 1], edges[3 * t + 2, 1]
-    u, v = _new_triangle(mesh), _new_triangle(mesh)
-    _triangle(mesh, t, a, b, p)
-    _triangle(mesh, u, b, c, p)
-    _triangle(mesh, v, c, a, p)
+    worst, whole, stale, counts = mesh.worst, mesh.whole, mesh.stale, mesh.counts
+    p = _new_vertex(points, mesh.taken, counts, x, y)
+    beside_bc, beside_ca = np.int64(edges[3 * t + 1, 1]), np.int64(edges[3 * t + 2, 1])
+    u, v = _new_triangle(worst, counts), _new_triangle(worst, counts)
+    _triangle(edges, worst, whole, stale, counts, t, a, b, p)
+    _triangle(edges, worst, whole, stale, counts, u, b, c, p)
+    _triangle(edges, worst, whole, stale, counts, v, c, a, p)
     _link(points, edges, 3 * u, beside_bc)
     _link(points, edges, 3 * v, beside_ca)
     _link(points, edges, 3 * t + 1, 3 * u + 2)
     _link(points, edges, 3 * u + 1, 3 * v + 2)
     _link(points, edges, 3 * v + 1, 3 * t + 2)
     stack[0], stack[1], stack[2] = 3 * t, 3 * u, 3 * v
-    _flip_until_delaunay(mesh, 3)
+    _flip_until_delaunay(points, edges, stack, worst, whole, stale, counts, np.int64(3))
     return p
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def insert_on_border(mesh: Any, a: Any, x: Any, y: Any) -> Any:
     """Make (x, y), a post on the border edge that leaves vertex ``a``, a vertex; its number."""
-    return _insert_on_edge(mesh, mesh.points[a, 2], x, y)
+    return _insert_on_edge(mesh, np.int64(mesh.points[a, 2]), x, y)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def locate(mesh: Any, t: Any, x: Any, y: Any) -> Any:
+def locate(points: Any, edges: Any, t: Any, x: Any, y: Any) -> Any:
     """A triangle that (x, y) lies in, or on the edge of; walks there from triangle ``t``."""
-    points, edges = mesh.points, mesh.edges
     while True:
         e = 3 * t
         while e < 3 * t + 3 and _orient(points, edges[e, 0], edges[_next(e), 0], x, y) >= 0:
             e += 1
         if e == 3 * t + 3:
             return t
-        t = edges[e, 1] // 3
+        t = np.int64(edges[e, 1]) // 3
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def start(mesh: Any, columns: Any, rows: Any) -> None:
     """Two triangles over the rectangle from (0, 0) to the last column and row."""
     x, y = columns - 1, rows - 1
-    mesh.counts[:] = 0
-    a, b = _new_vertex(mesh, 0, 0), _new_vertex(mesh, x, 0)
-    c, d = _new_vertex(mesh, x, y), _new_vertex(mesh, 0, y)
-    first, second = _new_triangle(mesh), _new_triangle(mesh)
-    _triangle(mesh, first, a, b, c)
-    _triangle(mesh, second, a, c, d)
-    _link(mesh.points, mesh.edges, 3 * first + 2, 3 * second)
+    points, edges, taken, worst, counts = mesh.points, mesh.edges, mesh.taken, mesh.worst, mesh.counts
+    for k in range(3):
+        counts[k] = 0
+    o = np.int64(0)
+    a, b = _new_vertex(points, taken, counts, o, o), _new_vertex(points, taken, counts, x, o)
+    c, d = _new_vertex(points, taken, counts, x, y), _new_vertex(points, taken, counts, o, y)
+    first, second = _new_triangle(worst, counts), _new_triangle(worst, counts)
+    _triangle(edges, worst, mesh.whole, mesh.stale, counts, first, a, b, c)
+    _triangle(edges, worst, mesh.whole, mesh.stale, counts, second, a, c, d)
+    _link(points, edges, 3 * first + 2, 3 * second)
     for e in (3 * first, 3 * first + 1, 3 * second + 1, 3 * second + 2):
-        _link(mesh.points, mesh.edges, e, -1)
+        _link(points, edges, e, np.int64(-1))

@@ -24,9 +24,8 @@ _COLUMN, _ROW, _DIAGONAL = 0, 1, 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rim_of(mesh: Any, t: Any) -> Any:
+def rim_of(points: Any, edges: Any, t: Any) -> Any:
     """How many edges on the border longer than a post, the last one's half-edge, and its side."""
-    points, edges = mesh.points, mesh.edges
     count, edge, side = 0, -1, -1
     if edges[3 * t, 1] >= 0 and edges[3 * t + 1, 1] >= 0 and edges[3 * t + 2, 1] >= 0:
         return count, edge, side
@@ -123,20 +122,20 @@ def _cross(truth: Any, a: Any, b: Any, sign: Any, worst: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _vertex(mesh: Any, heights: Any, v: Any) -> Any:
-    x, y = np.int64(mesh.points[v, 0]), np.int64(mesh.points[v, 1])
+def _vertex(points: Any, heights: Any, v: Any) -> Any:
+    x, y = np.int64(points[v, 0]), np.int64(points[v, 1])
     return x, y, np.float64(heights[y, x])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cross_edges(mesh: Any, heights: Any, truth: Any, t: Any, worst: Any) -> Any:
+def _cross_edges(points: Any, edges: Any, heights: Any, truth: Any, t: Any, worst: Any) -> Any:
     """Along the inner edges that go down; those that go up belong to the triangle on the other side."""
     for k in range(3):
-        if mesh.edges[3 * t + k, 1] >= 0:
-            a = _vertex(mesh, heights, mesh.edges[3 * t + k, 0])
-            b = _vertex(mesh, heights, mesh.edges[3 * t + (k + 1) % 3, 0])
+        if edges[3 * t + k, 1] >= 0:
+            a = _vertex(points, heights, edges[3 * t + k, 0])
+            b = _vertex(points, heights, edges[3 * t + (k + 1) % 3, 0])
             if b[1] > a[1] or (b[1] == a[1] and b[0] > a[0]):
-                worst = _cross(truth, a, b, 0, worst)
+                worst = _cross(truth, a, b, np.int64(0), worst)
     return worst
 
 
@@ -154,18 +153,18 @@ def _cross_cones(border: Any, truth: Any, side: Any, apex: Any, i: Any, j: Any, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _corners(mesh: Any, heights: Any, t: Any, edge: Any) -> Any:
+def _corners(points: Any, edges: Any, heights: Any, t: Any, edge: Any) -> Any:
     """Both ends of an edge of triangle ``t``, and the vertex opposite."""
-    a, b = mesh.edges[edge, 0], mesh.edges[3 * t + (edge + 1) % 3, 0]
-    apex = mesh.edges[3 * t + (edge + 2) % 3, 0]
-    return _vertex(mesh, heights, a), _vertex(mesh, heights, b), _vertex(mesh, heights, apex)
+    a, b = edges[edge, 0], edges[3 * t + (edge + 1) % 3, 0]
+    apex = edges[3 * t + (edge + 2) % 3, 0]
+    return _vertex(points, heights, a), _vertex(points, heights, b), _vertex(points, heights, apex)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scan_rim(mesh: Any, border: Any, heights: Any, truth: Any, t: Any, edge: Any, side: Any) -> Any:
+def _scan_rim(corners: Any, border: Any, truth: Any, side: Any) -> Any:
     """The worst of the inner posts of a rim."""
     rows, columns = truth.shape
-    a, b, apex = _corners(mesh, heights, t, edge)
+    a, b, apex = corners
     best, best_x, best_y = 0.0, -1, -1
     for y in range(max(min(a[1], b[1], apex[1]), 1), min(max(a[1], b[1], apex[1]), rows - 2) + 1):
         for x in range(max(min(a[0], b[0], apex[0]), 1), min(max(a[0], b[0], apex[0]), columns - 2) + 1):
@@ -179,14 +178,13 @@ def _scan_rim(mesh: Any, border: Any, heights: Any, truth: Any, t: Any, edge: An
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scan_inner(mesh: Any, heights: Any, truth: Any, t: Any) -> Any:
+def _scan_inner(points: Any, edges: Any, heights: Any, truth: Any, t: Any) -> Any:
     """The worst of the inner posts of a triangle; a post on an edge belongs to that right of it or below."""
     rows, columns = truth.shape
-    edges = mesh.edges
-    first, second, third = _sorted_by_row(mesh.points, edges[3 * t, 0], edges[3 * t + 1, 0], edges[3 * t + 2, 0])
-    ax, ay, az = _vertex(mesh, heights, first)
-    bx, by, bz = _vertex(mesh, heights, second)
-    cx, cy, cz = _vertex(mesh, heights, third)
+    first, second, third = _sorted_by_row(points, edges[3 * t, 0], edges[3 * t + 1, 0], edges[3 * t + 2, 0])
+    ax, ay, az = _vertex(points, heights, first)
+    bx, by, bz = _vertex(points, heights, second)
+    cx, cy, cz = _vertex(points, heights, third)
     ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     per_area = 1.0 / (ux * vy - uy * vx)
     per_x, per_y = (uz * vy - uy * vz) * per_area, (ux * vz - uz * vx) * per_area
@@ -209,9 +207,8 @@ def _scan_inner(mesh: Any, heights: Any, truth: Any, t: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _corner_post(mesh: Any, t: Any) -> Any:
+def _corner_post(points: Any, edges: Any, t: Any) -> Any:
     """An inner post of a triangle that has two edges on borders: on the diagonal from the corner they share."""
-    points, edges = mesh.points, mesh.edges
     x, y, reach = np.int64(0), np.int64(0), np.int64(1)
     for k in range(3):
         v = edges[3 * t + k, 0]
@@ -225,17 +222,17 @@ def _corner_post(mesh: Any, t: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _end_of(mesh: Any, kind: Any, x: Any, y: Any, f: Any) -> Any:
+def _end_of(taken: Any, kind: Any, x: Any, y: Any, f: Any) -> Any:
     """Of the two posts beside a place on a line: the nearer if it is no vertex, and on a border only if it has to be.
 
     One of them is no vertex: two vertices beside each other are always joined, and no edge would cross that line.
     """
-    rows, columns = mesh.taken.shape
+    rows, columns = taken.shape
     dx, dy = (0 if kind == _COLUMN else 1), (0 if kind == _ROW else 1)
     if f > 0.5:
         x, y, dx, dy = x + dx, y + dy, -dx, -dy
     other_x, other_y = x + dx, y + dy
-    free, other_free = not mesh.taken[y, x], not mesh.taken[other_y, other_x]
+    free, other_free = not taken[y, x], not taken[other_y, other_x]
     inner = 0 < x < columns - 1 and 0 < y < rows - 1
     if free and (inner or not other_free or not (0 < other_x < columns - 1 and 0 < other_y < rows - 1)):
         return x, y
@@ -245,30 +242,32 @@ def _end_of(mesh: Any, kind: Any, x: Any, y: Any, f: Any) -> Any:
 @njit(cache=True, nogil=True, error_model="numpy")
 def scan_posts(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None:
     """Find the post farthest from triangle ``t``. A triangle with two long edges on borders cannot stay."""
-    count, edge, side = rim_of(mesh, t)
+    points, edges, post = mesh.points, mesh.edges, mesh.post
+    count, edge, side = rim_of(points, edges, t)
     if count == 1:
-        residual, x, y = _scan_rim(mesh, border, heights, truth, t, edge, side)
+        residual, x, y = _scan_rim(_corners(points, edges, heights, t, edge), border, truth, side)
     else:
-        residual, x, y = _scan_inner(mesh, heights, truth, t)
+        residual, x, y = _scan_inner(points, edges, heights, truth, t)
     if count >= 2:
         residual = np.inf
         if x < 0:
-            x, y = _corner_post(mesh, t)
-    mesh.worst[t], mesh.post[t, 0], mesh.post[t, 1] = residual, x, y
+            x, y = _corner_post(points, edges, t)
+    mesh.worst[t], post[t, 0], post[t, 1] = residual, x, y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def scan_lines(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None:
     """Find whether triangle ``t`` is farther from the surface between posts, and the post to insert against that."""
-    count, edge, side = rim_of(mesh, t)
-    worst = mesh.worst[t], -1, np.int64(0), np.int64(0), 0.0
-    worst = _cross_edges(mesh, heights, truth, t, worst)
+    points, edges = mesh.points, mesh.edges
+    count, edge, side = rim_of(points, edges, t)
+    worst = mesh.worst[t], np.int64(-1), np.int64(0), np.int64(0), 0.0
+    worst = _cross_edges(points, edges, heights, truth, t, worst)
     if count == 1:
-        a, b, apex = _corners(mesh, heights, t, edge)
+        a, b, apex = _corners(points, edges, heights, t, edge)
         i, j = (a[0], b[0]) if side == 0 or side == 2 else (a[1], b[1])
         worst = _cross_cones(border, truth, side, apex, min(i, j), max(i, j), worst)
     residual, kind, x, y, f = worst
     if residual > mesh.worst[t]:
-        x, y = _end_of(mesh, kind, x, y, f)
+        x, y = _end_of(mesh.taken, kind, x, y, f)
         mesh.worst[t], mesh.post[t, 0], mesh.post[t, 1] = residual, x, y
     mesh.whole[t] = True

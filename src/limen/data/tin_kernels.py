@@ -1,4 +1,7 @@
-"""Greedy insertion: the post against the worst triangle of all becomes a vertex (Garland, Heckbert 1995)."""
+"""Greedy insertion: the post against the worst triangle of all becomes a vertex (Garland, Heckbert 1995).
+
+Whole numbers are handed to functions in 64 bits: Numba compiles a function anew for every type, literals among them.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ DONE, FULL, OVER = 0, 1, 2
 @njit(cache=True, nogil=True, error_model="numpy")
 def scan_stale(mesh: Any, border: Any, heights: Any, truth: Any) -> None:
     for s in range(mesh.counts[2]):
-        scan_posts(mesh, border, heights, truth, mesh.stale[s])
+        scan_posts(mesh, border, heights, truth, np.int64(mesh.stale[s]))
     mesh.counts[2] = 0
 
 
@@ -31,8 +34,9 @@ def seed(mesh: Any, posts: Any, begin: Any) -> Any:
     for s in range(begin, posts.shape[0]):
         if mesh.counts[1] + 2 > mesh.worst.shape[0] or mesh.counts[0] == mesh.points.shape[0]:
             return s
-        t = locate(mesh, t, posts[s, 0], posts[s, 1])
-        insert(mesh, t, posts[s, 0], posts[s, 1])
+        x, y = np.int64(posts[s, 0]), np.int64(posts[s, 1])
+        t = locate(mesh.points, mesh.edges, t, x, y)
+        insert(mesh, t, x, y)
     return posts.shape[0]
 
 
@@ -67,12 +71,12 @@ def _drop_first(keys: Any, items: Any, size: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _collect(mesh: Any, error: Any, keys: Any, items: Any) -> Any:
+def _collect(worst: Any, triangles: Any, error: Any, keys: Any, items: Any) -> Any:
     """A heap of the triangles that are worse than ``error``; how many."""
-    size = 0
-    for t in range(mesh.counts[1]):
-        if mesh.worst[t] > error:
-            _push(keys, items, size, mesh.worst[t], t)
+    size = np.int64(0)
+    for t in range(triangles):
+        if worst[t] > error:
+            _push(keys, items, size, worst[t], t)
             size += 1
     return size
 
@@ -92,11 +96,11 @@ def _insert_against(mesh: Any, border: Any, t: Any) -> None:
     """
     x, y = np.int64(mesh.post[t, 0]), np.int64(mesh.post[t, 1])
     rows, columns = mesh.taken.shape
-    touch(mesh, t)
+    touch(mesh.worst, mesh.whole, mesh.stale, mesh.counts, t)
     if mesh.taken[y, x]:
         return
     if 0 < x < columns - 1 and 0 < y < rows - 1:
-        insert(mesh, locate(mesh, t, x, y), x, y)
+        insert(mesh, locate(mesh.points, mesh.edges, t, x, y), x, y)
     else:
         side = 0 if y == 0 else (2 if y == rows - 1 else (1 if x == columns - 1 else 3))
         insert_beside(mesh, border, side, x if side % 2 == 0 else y)
@@ -111,18 +115,18 @@ def improve(mesh: Any, border: Any, heights: Any, truth: Any, error: Any, most: 
     room = mesh.worst.shape[0]
     keys, items = np.empty(2 * room, dtype=np.float64), np.empty(2 * room, dtype=np.int32)
     scan_stale(mesh, border, heights, truth)
-    size = _collect(mesh, error, keys, items)
+    size = _collect(mesh.worst, mesh.counts[1], error, keys, items)
     while True:
         if size == 0:
             _look_between_posts(mesh, border, heights, truth)
-            size = _collect(mesh, error, keys, items)
+            size = _collect(mesh.worst, mesh.counts[1], error, keys, items)
             if size == 0:
                 return OVER if mesh.counts[1] > most else DONE
         if mesh.counts[1] > most:
             return OVER
         if mesh.counts[1] + 2 > room or mesh.counts[0] == mesh.points.shape[0]:
             return FULL
-        key, t = keys[0], items[0]
+        key, t = keys[0], np.int64(items[0])
         _drop_first(keys, items, size)
         size -= 1
         if mesh.worst[t] != key:
@@ -130,9 +134,9 @@ def improve(mesh: Any, border: Any, heights: Any, truth: Any, error: Any, most: 
         _insert_against(mesh, border, t)
         if size + mesh.counts[2] > keys.shape[0]:
             scan_stale(mesh, border, heights, truth)
-            size = _collect(mesh, error, keys, items)
+            size = _collect(mesh.worst, mesh.counts[1], error, keys, items)
         for s in range(mesh.counts[2]):
-            t = mesh.stale[s]
+            t = np.int64(mesh.stale[s])
             scan_posts(mesh, border, heights, truth, t)
             if mesh.worst[t] > error:
                 _push(keys, items, size, mesh.worst[t], t)
@@ -152,10 +156,10 @@ def worst_of_all(mesh: Any) -> Any:
 @njit(cache=True, nogil=True, error_model="numpy")
 def extract(mesh: Any, core: Any, rims: Any, rim_side: Any) -> Any:
     """Write triangles, counter-clockwise where rows go down; how many core and rims there are."""
-    edges = mesh.edges
+    points, edges = mesh.points, mesh.edges
     inner, outer = 0, 0
     for t in range(mesh.counts[1]):
-        count, e, side = rim_of(mesh, t)
+        count, e, side = rim_of(points, edges, t)
         if count == 0:
             core[inner, 0], core[inner, 1], core[inner, 2] = edges[3 * t, 0], edges[3 * t + 2, 0], edges[3 * t + 1, 0]
             inner += 1
