@@ -50,6 +50,8 @@ class Ground(PatchSource, Protocol):
     @property
     def high_m(self) -> float: ...
     @property
+    def has_voids(self) -> bool: ...
+    @property
     def relief(self) -> PageSource: ...
     @property
     def heights(self) -> PageSource: ...
@@ -142,7 +144,7 @@ class TerrainLayer:
         }
         self._tables: PageTables | None = None
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
-        self._pipelines = TerrainPipelines(device, clip=clip)
+        self._pipelines = TerrainPipelines(device, clip=clip, holes=ground.has_voids)
         self._targets = Targets(device)
 
     def write(self, uploads: Sequence[PatchUpload]) -> None:
@@ -229,14 +231,35 @@ class TerrainLayer:
         self._rims.write(rims.indices)
         size = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
         texture = None if target is not None else self._targets.texture(size, target_format, slot)
-        encoder = self._device.wgpu.create_command_encoder(label="terrain")
-        render_pass = self._begin(encoder, texture.create_view() if texture is not None else target, size)
+        view = texture.create_view() if texture is not None else target
         contours = contour_interval_m(look, self._ground.low_m, self._ground.high_m) > 0
-        render_pass.set_pipeline(self._pipelines.pipeline(target_format, look.colours, overlay, contours=contours))
-        render_pass.set_bind_group(0, self._group())
+        encoder = self._device.wgpu.create_command_encoder(label="terrain")
+        depth_view = self._targets.texture(size, DEPTH_FORMAT).create_view()
+        with_triangles = self._colour(view) if overlay == "patches" else []
+        render_pass = encoder.begin_render_pass(
+            color_attachments=with_triangles,
+            depth_stencil_attachment={
+                "view": depth_view, "depth_clear_value": 0.0, "depth_load_op": "clear", "depth_store_op": "store",
+            },
+        )  # fmt: skip
+        pipelines, group = self._pipelines, self._group()
+        render_pass.set_pipeline(
+            pipelines.patches(target_format, look.colours, contours=contours) if with_triangles else pipelines.depth()
+        )
+        render_pass.set_bind_group(0, group)
         render_pass.set_vertex_buffer(0, self._vertices)
         self._record(render_pass, windows, facing, (cut.pair_panel, cut.pair_patch[order]), places, rims)
         render_pass.end()
+        if not with_triangles:
+            render_pass = encoder.begin_render_pass(color_attachments=self._colour(view), depth_stencil_attachment={"view": depth_view, "depth_read_only": True})
+            render_pass.set_pipeline(
+                pipelines.picture(target_format, look.colours, contours=contours, panels=overlay == "panels")
+            )
+            render_pass.set_bind_group(0, group)
+            render_pass.set_bind_group(1, self._device.wgpu.create_bind_group(layout=pipelines.depth_layout, entries=[{"binding": 0, "resource": depth_view}]))
+            for each in np.flatnonzero(facing).tolist():
+                render_pass.draw(18, 1, 0, each)
+            render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
 
@@ -275,8 +298,9 @@ class TerrainLayer:
         views = [windows.seen_from(eye, copy, near[copy]) for copy, eye in enumerate(eyes_m)]
         low_high = ground.low_m, ground.high_m
         buffers = self._buffers
+        size_px = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
         buffers["terrain"].write(records.terrain_row(look, origin, room_from_posts, ground.spacing_m, low_high))
-        buffers["views"].write(records.view_rows(views, room_from_posts, origin, allowed_px, tints))
+        buffers["views"].write(records.view_rows(views, room_from_posts, origin, allowed_px, tints, size_px))
         self._origin = origin
         return np.array([view.facing for view in views])
 
@@ -300,16 +324,8 @@ class TerrainLayer:
             first += pyramid.page_count
         self._buffers["sources"].write(np.concatenate(rows))
 
-    def _begin(self, encoder: Any, view: Any, size_px: tuple[int, int]) -> Any:
-        depth_view = self._targets.texture(size_px, DEPTH_FORMAT).create_view()
-        return encoder.begin_render_pass(
-            color_attachments=[
-                {"view": view, "clear_value": self._background, "load_op": "clear", "store_op": "store"}
-            ],
-            depth_stencil_attachment={
-                "view": depth_view, "depth_clear_value": 0.0, "depth_load_op": "clear", "depth_store_op": "store",
-            },
-        )  # fmt: skip
+    def _colour(self, view: Any) -> list[dict[str, Any]]:
+        return [{"view": view, "clear_value": self._background, "load_op": "clear", "store_op": "store"}]
 
     def _record(
         self, render_pass: Any, windows: Windows, facing: NDArray[np.bool_], pairs: tuple[NDArray[np.int64], ...],

@@ -7,8 +7,10 @@
 // 0: by height. 1: one grey. 2: the image that lies over the terrain.
 override COLOURS: u32 = 0u;
 override CONTOURS: bool = false;
-// 0: the picture. 1: every panel in its tint. 2: every triangle flat, every patch in a hue of its own.
-override OVERLAY: u32 = 0u;
+// Every panel in its tint.
+override PANELS: bool = false;
+// There are posts without data.
+override HOLES: bool = false;
 
 const PAGE: f32 = 256.0;
 const GUTTER: f32 = 4.0;
@@ -44,6 +46,13 @@ struct TerrainView {
     y: vec4<f32>,
     w: vec4<f32>,
     edges: array<vec4<f32>, 8>,
+    // The eye's place; the way from there to what has depth 1 at pixel (0, 0), and how it grows to the right and down.
+    eye: vec4<f32>,
+    way: vec4<f32>,
+    way_right: vec4<f32>,
+    way_down: vec4<f32>,
+    // Of outline and guard band, in the quilt's clip space.
+    corners: array<vec4<f32>, 8>,
     tint: vec4<f32>,
     near: f32,
     // log2 of the pixels that detail may be lost over.
@@ -79,19 +88,37 @@ struct Varyings {
     @builtin(position) position: vec4<f32>,
     // Column, row and height, counted from the origin.
     @location(0) place: vec3<f32>,
-    @location(1) @interpolate(flat) tint: vec4<f32>,
-    @location(2) @interpolate(flat) tolerance_log2: f32,
-    @location(3) @interpolate(flat) patch_number: u32,
-    // Pixels inside the first and the last four edges, times w.
-    @location(4) inside: vec4<f32>,
-    @location(5) inside_too: vec4<f32>,
+    @location(1) @interpolate(flat) view: u32,
+    @location(2) @interpolate(flat) patch_number: u32,
 }
 
-struct Shaded {
+struct CutVaryings {
+    @builtin(position) position: vec4<f32>,
     @location(0) place: vec3<f32>,
-    @location(1) @interpolate(flat) tint: vec4<f32>,
-    @location(2) @interpolate(flat) tolerance_log2: f32,
-    @location(3) @interpolate(flat) patch_number: u32,
+    @location(1) @interpolate(flat) view: u32,
+    @location(2) @interpolate(flat) patch_number: u32,
+    // Pixels inside the first and the last four edges, times w.
+    @location(3) inside: vec4<f32>,
+    @location(4) inside_too: vec4<f32>,
+}
+
+// What all pixels of a panel have in common, handed on because every pixel would read it anew.
+struct Glimpse {
+    @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat) eye: vec3<f32>,
+    @location(1) @interpolate(flat) way: vec3<f32>,
+    @location(2) @interpolate(flat) way_right: vec3<f32>,
+    @location(3) @interpolate(flat) way_down: vec3<f32>,
+    @location(4) @interpolate(flat) tolerance_log2: f32,
+    @location(5) @interpolate(flat) tint: vec4<f32>,
+}
+
+struct Surface {
+    place: vec3<f32>,
+    // How the place changes over a pixel.
+    right: vec3<f32>,
+    down: vec3<f32>,
+    tolerance_log2: f32,
 }
 
 @group(0) @binding(0) var<uniform> terrain: Terrain;
@@ -103,14 +130,15 @@ struct Shaded {
 @group(0) @binding(5) var heights_pool: texture_2d_array<f32>;
 @group(0) @binding(6) var drape_pool: texture_2d_array<f32>;
 @group(0) @binding(7) var bilinear: sampler;
+@group(1) @binding(0) var depths: texture_2d<f32>;
 
 // ---------------------------------------------------------------- geometry
 
 @vertex
-fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> Varyings {
+fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> CutVaryings {
     let post = vec2<f32>(vec2<i32>(in.post) - terrain.origin_post);
     let place = vec4(post, in.height_m - terrain.origin_height_m, 1.0);
-    var out: Varyings;
+    var out: CutVaryings;
     out.position = vec4(
         dot(views[view].x, place), dot(views[view].y, place), views[view].near, dot(views[view].w, place)
     );
@@ -119,10 +147,21 @@ fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> Varyings {
         out.inside_too[k] = dot(views[view].edges[k + 4u], place);
     }
     out.place = place.xyz;
-    out.tint = views[view].tint;
-    out.tolerance_log2 = views[view].tolerance_log2;
+    out.view = view;
     out.patch_number = in.patch_number;
     return out;
+}
+
+// A panel's outline and guard band: a fan of triangles about its first corner.
+@vertex
+fn outline(@builtin(vertex_index) number: u32, @builtin(instance_index) view: u32) -> Glimpse {
+    let side = number % 3u;
+    let corner = select(number / 3u + side, 0u, side == 0u);
+    // At depth 0, behind all that is drawn and before nothing.
+    return Glimpse(
+        views[view].corners[corner], views[view].eye.xyz, views[view].way.xyz, views[view].way_right.xyz,
+        views[view].way_down.xyz, views[view].tolerance_log2, views[view].tint
+    );
 }
 
 // ---------------------------------------------------------------- pages
@@ -214,13 +253,13 @@ fn texels_from(source: u32, step: vec2<f32>) -> vec2<f32> {
 }
 
 // The source at a place, where the larger side of a pixel (Heckbert 1983), and detail that may be lost, ask for a level.
-fn sampled(source: u32, place: vec2<f32>, right: vec2<f32>, down: vec2<f32>, tolerance_log2: f32) -> vec4<f32> {
-    let across = texels_from(source, right);
-    let along = texels_from(source, down);
+fn sampled(source: u32, at: Surface) -> vec4<f32> {
+    let across = texels_from(source, at.right.xy);
+    let along = texels_from(source, at.down.xy);
     let footprint2 = max(dot(across, across), dot(along, along));
-    let wanted = 0.5 * log2(max(footprint2, 1e-30)) + tolerance_log2;
+    let wanted = 0.5 * log2(max(footprint2, 1e-30)) + at.tolerance_log2;
     let level = clamp(wanted, 0.0, f32(sources[source].top));
-    let fine = texels_from(source, place) + sources[source].offset;
+    let fine = texels_from(source, at.place.xy) + sources[source].offset;
     let lower = u32(level);
     let light = page_light(source, fine, lower);
     let share = level - f32(lower);
@@ -286,63 +325,109 @@ fn hue(number: u32) -> vec3<f32> {
     );
 }
 
-// Linear light, and the share of valid posts: less than a half is a hole.
-fn seen(in: Shaded) -> vec4<f32> {
-    let right = dpdx(in.place);
-    let down = dpdy(in.place);
-    let tolerance = in.tolerance_log2;
-    var normal = facet(right, down);
-    var valid = 1.0;
-    if sources[RELIEF].ready != 0u {
-        let relief = sampled(RELIEF, in.place.xy, right.xy, down.xy, tolerance);
-        valid = relief.a;
-        if OVERLAY != 2u {
-            normal = relief.xyz * (255.0 / 127.5) - 1.0;
-        }
-    }
-    var height_m = in.place.z + terrain.origin_height_m;
-    var slope_m_per_px = length(vec2<f32>(right.z, down.z));
+// Linear light; a hue lies over the colour by its share.
+fn light(at: Surface, normal: vec3<f32>, hue: vec4<f32>) -> vec3<f32> {
+    var height_m = at.place.z + terrain.origin_height_m;
+    var slope_m_per_px = length(vec2<f32>(at.right.z, at.down.z));
     if (COLOURS == 0u || CONTOURS) && sources[HEIGHTS].ready != 0u {
-        let share = sampled(HEIGHTS, in.place.xy, right.xy, down.xy, tolerance);
+        let share = sampled(HEIGHTS, at);
         height_m = terrain.low_m + share.x * terrain.range_m;
-        // Not by dpdx: beside a triangle's edge, the other pixels of four may not have read the table.
-        slope_m_per_px = length(vec2<f32>(dot(share.yz, right.xy), dot(share.yz, down.xy))) * terrain.range_m;
+        slope_m_per_px = length(vec2<f32>(dot(share.yz, at.right.xy), dot(share.yz, at.down.xy))) * terrain.range_m;
     }
     var colour = GREY;
     if COLOURS == 0u {
         colour = tint_of(height_m);
     }
-    if COLOURS == 2u && sources[DRAPE].ready != 0u && in_source(DRAPE, in.place.xy) {
-        let drape = sampled(DRAPE, in.place.xy, right.xy, down.xy, tolerance);
+    if COLOURS == 2u && sources[DRAPE].ready != 0u && in_source(DRAPE, at.place.xy) {
+        let drape = sampled(DRAPE, at);
         colour = mix(colour, drape.rgb, drape.a);
     }
-    if OVERLAY == 2u {
-        colour = mix(colour, hue(in.patch_number), 0.35);
-    }
-    colour *= lit(normal);
+    colour = mix(colour, hue.rgb, hue.a) * lit(normal);
     if CONTOURS {
         colour = contoured(colour, height_m, slope_m_per_px);
     }
-    if OVERLAY == 1u {
+    return colour;
+}
+
+// Of the unit normal, coded, and the share of valid posts.
+fn relief(at: Surface) -> vec4<f32> {
+    return sampled(RELIEF, at);
+}
+
+fn is_hole(at: Surface) -> bool {
+    return sources[RELIEF].ready != 0u && relief(at).a < 0.5;
+}
+
+fn depth_at(pixel: vec2<i32>) -> f32 {
+    return textureLoad(depths, pixel, 0).x;
+}
+
+// The smaller of two steps: depth is linear on a plane, and the larger one may lead to what lies behind.
+fn step(before: f32, here: f32, after: f32) -> f32 {
+    return select(after - here, here - before, abs(here - before) < abs(after - here));
+}
+
+// The colour of what is nearest in every pixel of a panel.
+@fragment
+fn picture(in: Glimpse) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(in.position.xy);
+    let depth = depth_at(pixel);
+    let right = step(depth_at(pixel - vec2(1, 0)), depth, depth_at(pixel + vec2(1, 0))) / depth;
+    let down = step(depth_at(pixel - vec2(0, 1)), depth, depth_at(pixel + vec2(0, 1))) / depth;
+    let way = in.way + in.position.x * in.way_right + in.position.y * in.way_down;
+    let at = Surface(
+        in.eye + way / depth, (in.way_right - right * way) / depth, (in.way_down - down * way) / depth,
+        in.tolerance_log2
+    );
+    var normal = facet(at.right, at.down);
+    if sources[RELIEF].ready != 0u {
+        normal = relief(at).xyz * (255.0 / 127.5) - 1.0;
+    }
+    var colour = light(at, normal, vec4<f32>());
+    if PANELS {
         colour = mix(colour, in.tint.rgb * (0.3 + 0.7 * lit(normal)), in.tint.a);
     }
-    return vec4<f32>(colour, valid);
+    return vec4<f32>(colour, 1.0);
+}
+
+// Every triangle flat, every patch in a hue of its own.
+fn flat_light(at: Surface, patch_number: u32) -> vec4<f32> {
+    return vec4<f32>(light(at, facet(at.right, at.down), vec4<f32>(hue(patch_number), 0.35)), 1.0);
+}
+
+fn is_cut(in: CutVaryings) -> bool {
+    return any(min(in.inside, in.inside_too) < vec4(0.0));
 }
 
 @fragment
-fn picture(in: Shaded) -> @location(0) vec4<f32> {
-    let light = seen(in);
-    if light.a < 0.5 {
+fn solid(in: Varyings) {
+    if is_hole(Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2)) {
         discard;
     }
-    return vec4<f32>(light.rgb, 1.0);
 }
 
 @fragment
-fn cut_picture(in: Varyings) -> @location(0) vec4<f32> {
-    let light = seen(Shaded(in.place, in.tint, in.tolerance_log2, in.patch_number));
-    if light.a < 0.5 || any(min(in.inside, in.inside_too) < vec4(0.0)) {
+fn cut_solid(in: CutVaryings) {
+    let at = Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2);
+    if is_cut(in) || (HOLES && is_hole(at)) {
         discard;
     }
-    return vec4<f32>(light.rgb, 1.0);
+}
+
+@fragment
+fn patches(in: Varyings) -> @location(0) vec4<f32> {
+    let at = Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2);
+    if HOLES && is_hole(at) {
+        discard;
+    }
+    return flat_light(at, in.patch_number);
+}
+
+@fragment
+fn cut_patches(in: CutVaryings) -> @location(0) vec4<f32> {
+    let at = Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2);
+    if is_cut(in) || (HOLES && is_hole(at)) {
+        discard;
+    }
+    return flat_light(at, in.patch_number);
 }

@@ -26,6 +26,13 @@ struct TerrainView {
     y: vec4<f32>,
     w: vec4<f32>,
     edges: array<vec4<f32>, 8>,
+    // The eye's place; the way from there to what has depth 1 at pixel (0, 0), and how it grows to the right and down.
+    eye: vec4<f32>,
+    way: vec4<f32>,
+    way_right: vec4<f32>,
+    way_down: vec4<f32>,
+    // Of outline and guard band, in the quilt's clip space.
+    corners: array<vec4<f32>, 8>,
     tint: vec4<f32>,
     near: f32,
     // log2 of the pixels that detail may be lost over.
@@ -43,9 +50,13 @@ struct Varyings {
     @builtin(position) position: vec4<f32>,
     @builtin(clip_distances) inside: array<f32, 8>,
     @location(0) place: vec3<f32>,
-    @location(1) @interpolate(flat) tint: vec4<f32>,
-    @location(2) @interpolate(flat) tolerance_log2: f32,
-    @location(3) @interpolate(flat) patch_number: u32,
+    @location(1) @interpolate(flat) view: u32,
+    @location(2) @interpolate(flat) patch_number: u32,
+}
+
+struct Bare {
+    @builtin(position) position: vec4<f32>,
+    @builtin(clip_distances) inside: array<f32, 8>,
 }
 
 @group(0) @binding(0) var<uniform> terrain: Terrain;
@@ -53,18 +64,37 @@ struct Varyings {
 
 @vertex
 fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> Varyings {
-    let post = vec2<f32>(vec2<i32>(in.post) - terrain.origin_post);
-    let place = vec4(post, in.height_m - terrain.origin_height_m, 1.0);
+    let place = placed(in);
     var out: Varyings;
-    out.position = vec4(
-        dot(views[view].x, place), dot(views[view].y, place), views[view].near, dot(views[view].w, place)
-    );
+    out.position = position(place, view);
     for (var k = 0u; k < 8u; k++) {
         out.inside[k] = dot(views[view].edges[k], place);
     }
     out.place = place.xyz;
-    out.tint = views[view].tint;
-    out.tolerance_log2 = views[view].tolerance_log2;
+    out.view = view;
     out.patch_number = in.patch_number;
     return out;
+}
+
+// For depth alone.
+@vertex
+fn bare_vertex(in: Vertex, @builtin(instance_index) view: u32) -> Bare {
+    let place = placed(in);
+    var out: Bare;
+    out.position = position(place, view);
+    for (var k = 0u; k < 8u; k++) {
+        out.inside[k] = dot(views[view].edges[k], place);
+    }
+    return out;
+}
+
+fn placed(in: Vertex) -> vec4<f32> {
+    let post = vec2<f32>(vec2<i32>(in.post) - terrain.origin_post);
+    return vec4(post, in.height_m - terrain.origin_height_m, 1.0);
+}
+
+fn position(place: vec4<f32>, view: u32) -> vec4<f32> {
+    return vec4(
+        dot(views[view].x, place), dot(views[view].y, place), views[view].near, dot(views[view].w, place)
+    );
 }

@@ -21,7 +21,6 @@ BINDINGS = {
     "bilinear": 7,
 }  # fmt: skip
 
-_OVERLAYS: dict[TerrainOverlay | None, int] = {None: 0, "panels": 1, "patches": 2}
 _VERTICES = {
     "array_stride": records.VERTEX.itemsize,
     "attributes": [
@@ -33,37 +32,73 @@ _VERTICES = {
 
 
 class TerrainPipelines:
-    """``clip``: clip by distances where the adapter can; else fragments outside panels are cut away."""
+    """A picture's pipelines: what is nearest, as depth; and then its colours, once a pixel.
 
-    def __init__(self, device: Device, *, clip: bool) -> None:
-        self._device = device
+    Triangles are few pixels large, and an adapter shades whole blocks of pixels for each: colours from pages would be
+    computed several times over if they were drawn with the triangles.
+
+    ``clip``: clip by distances where the adapter can; else fragments outside panels are cut away. ``holes``: there are
+    posts without data.
+    """
+
+    def __init__(self, device: Device, *, clip: bool, holes: bool) -> None:
+        self._device, self._holes = device, holes
         self._clips = clip and device.can_clip
         self._fragments = load_shader(device, "limen.draw", "terrain.wgsl")
         self._vertices = load_shader(device, "limen.draw", "terrain_clip.wgsl") if self._clips else self._fragments
         self.layout = self._bind_group_layout()
+        depth = {"sample_type": "unfilterable-float", "view_dimension": "2d"}
+        self.depth_layout = device.wgpu.create_bind_group_layout(
+            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": depth}]
+        )
         self._made: dict[tuple[Any, ...], Any] = {}
 
-    def pipeline(self, target_format: str, colours: Colours, overlay: TerrainOverlay | None, *, contours: bool) -> Any:
-        key = (target_format, colours, overlay, contours)
+    def depth(self) -> Any:
+        """Draws triangles into depth alone."""
+        bare = self._clips and not self._holes
+        fragment = None if bare else self._fragment("solid" if self._clips else "cut_solid", {}, [])
+        return self._kept(("depth",), "bare_vertex" if bare else "vertex", fragment)
+
+    def patches(self, target_format: str, colours: Colours, *, contours: bool) -> Any:
+        """Draws triangles, every one flat and every patch in a hue of its own."""
+        constants = {"COLOURS": COLOURS.index(colours), "CONTOURS": int(contours)}
+        entry = "patches" if self._clips else "cut_patches"
+        fragment = self._fragment(entry, constants, [{"format": target_format}])
+        return self._kept(("patches", target_format, colours, contours), "vertex", fragment)
+
+    def picture(self, target_format: str, colours: Colours, *, contours: bool, panels: bool) -> Any:
+        """Colours every pixel of a panel from its depth; ``panels`` lays the panels' tints over them."""
+        key = ("picture", target_format, colours, contours, panels)
+        if key not in self._made:
+            constants = {"COLOURS": COLOURS.index(colours), "CONTOURS": int(contours), "PANELS": int(panels)}
+            self._made[key] = self._device.wgpu.create_render_pipeline(
+                label="terrain",
+                layout=self._layout([self.layout, self.depth_layout]),
+                vertex={"module": self._fragments, "entry_point": "outline", "buffers": []},
+                primitive={"topology": "triangle-list"},
+                depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "less"},
+                fragment=self._fragment("picture", constants, [{"format": target_format}]),
+            )
+        return self._made[key]
+
+    def _kept(self, key: tuple[Any, ...], vertex: str, fragment: dict[str, Any] | None) -> Any:
         if key not in self._made:
             self._made[key] = self._device.wgpu.create_render_pipeline(
                 label="terrain",
-                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self.layout]),
-                vertex={"module": self._vertices, "entry_point": "vertex", "buffers": [_VERTICES]},
+                layout=self._layout([self.layout]),
+                vertex={"module": self._vertices, "entry_point": vertex, "buffers": [_VERTICES]},
                 primitive={"topology": "triangle-list"},
                 depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"},
-                fragment={
-                    "module": self._fragments,
-                    "entry_point": "picture" if self._clips else "cut_picture",
-                    "constants": {
-                        "COLOURS": COLOURS.index(colours),
-                        "CONTOURS": int(contours),
-                        "OVERLAY": _OVERLAYS[overlay],
-                    },
-                    "targets": [{"format": target_format}],
-                },
+                fragment=fragment,
             )
         return self._made[key]
+
+    def _fragment(self, entry: str, constants: dict[str, int], targets: list[dict[str, str]]) -> dict[str, Any]:
+        constants = constants | {"HOLES": int(self._holes)}
+        return {"module": self._fragments, "entry_point": entry, "constants": constants, "targets": targets}
+
+    def _layout(self, groups: list[Any]) -> Any:
+        return self._device.wgpu.create_pipeline_layout(bind_group_layouts=groups)
 
     def clear(self) -> None:
         self._made.clear()

@@ -65,6 +65,11 @@ TERRAIN_VIEW = np.dtype(
         ("y", "<f4", 4),
         ("w", "<f4", 4),
         ("edges", "<f4", (8, 4)),
+        ("eye", "<f4", 4),
+        ("way", "<f4", 4),
+        ("way_right", "<f4", 4),
+        ("way_down", "<f4", 4),
+        ("corners", "<f4", (8, 4)),
         ("tint", "<f4", 4),
         ("near", "<f4"),
         ("tolerance_log2", "<f4"),
@@ -144,6 +149,7 @@ def view_rows(
     origin: Origin,
     allowed_px: Floats,
     tints: NDArray[np.float32] | None,
+    size_px: tuple[int, int],
 ) -> Rows:
     """Rows of `TERRAIN_VIEW`: all panels of the first eye, then all of the second.
 
@@ -153,6 +159,8 @@ def view_rows(
         The largest invisible error of each panel, pixels, shape (N,).
     tints
         See `limen.draw.terrain_look.panel_tints`.
+    size_px
+        Width and height of what is drawn into: the quilt, for all eyes.
     """
     at = room_from_posts @ [*origin.post, origin.height_m, 1.0]
     rows = np.zeros((len(views), len(allowed_px)), TERRAIN_VIEW)
@@ -161,11 +169,33 @@ def view_rows(
         for axis, name in enumerate(("x", "y", "w")):
             row[name] = view.clip[:, axis] @ way_from_post
         row["edges"] = view.edges @ way_from_post
+        _write_ways(row, view, np.linalg.inv(room_from_posts[:3, :3]), at[:3], size_px)
         row["near"] = view.near
         row["tolerance_log2"] = np.minimum(np.log2(np.maximum(allowed_px * KEPT, 1.0)), _COARSEST_LOG2)
         if tints is not None:
             row["tint"] = tints
     return rows.reshape(-1)
+
+
+def _write_ways(
+    row: Rows, view: PanelViews, posts_from_room: Floats, origin_m: Floats, size_px: tuple[int, int]
+) -> None:
+    """What leads back from a pixel and its depth, near / w, to a place: the eye + (way of the pixel) / depth.
+
+    Clip space's x, y, w are linear in the way from the eye, so that way is w times the inverse of those forms, applied
+    to (x / w, y / w, 1), which is affine in the pixel.
+    """
+    facing = view.facing
+    width, height = size_px
+    clip_from_pixel = np.array([[2 / width, 0.0, -1.0], [0.0, -2 / height, 1.0], [0.0, 0.0, 1.0]])
+    way_from_pixel = posts_from_room @ np.linalg.inv(view.clip[facing]) @ clip_from_pixel
+    row["eye"][:, :3] = posts_from_room @ (view.eye_m - origin_m)
+    for axis, name in enumerate(("way_right", "way_down", "way")):
+        row[name][facing, :3] = way_from_pixel[:, :, axis] * view.near[facing, None]
+    last = np.minimum(np.arange(view.corners.shape[1]), view.corner_count[:, None] - 1)
+    outline = np.take_along_axis(view.corners, last[..., None], axis=1)
+    corners = np.einsum("naj,nkj->nka", view.clip, outline)[facing]
+    row["corners"][facing, :, :2], row["corners"][facing, :, 3] = corners[..., :2] / corners[..., 2:], 1.0
 
 
 def terrain_row(
