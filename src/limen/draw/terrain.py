@@ -138,7 +138,7 @@ class TerrainLayer:
         self._rims = GrowingBuffer(device, "rim indices", usage.INDEX)
         self._buffers = {
             "terrain": GrowingBuffer(device, "terrain", usage.UNIFORM),
-            "views": GrowingBuffer(device, "views", usage.STORAGE),
+            "view": GrowingBuffer(device, "views", usage.UNIFORM),
             "sources": GrowingBuffer(device, "sources", usage.UNIFORM),
             "table": GrowingBuffer(device, "table", usage.STORAGE),
         }
@@ -246,19 +246,18 @@ class TerrainLayer:
         render_pass.set_pipeline(
             pipelines.patches(target_format, look.colours, contours=contours) if with_triangles else pipelines.depth()
         )
-        render_pass.set_bind_group(0, group)
         render_pass.set_vertex_buffer(0, self._vertices)
-        self._record(render_pass, windows, facing, (cut.pair_panel, cut.pair_patch[order]), places, rims)
+        self._record(render_pass, group, windows, facing, (cut.pair_panel, cut.pair_patch[order]), places, rims)
         render_pass.end()
         if not with_triangles:
             render_pass = encoder.begin_render_pass(color_attachments=self._colour(view), depth_stencil_attachment={"view": depth_view, "depth_read_only": True})
             render_pass.set_pipeline(
                 pipelines.picture(target_format, look.colours, contours=contours, panels=overlay == "panels")
             )
-            render_pass.set_bind_group(0, group)
             render_pass.set_bind_group(1, self._device.wgpu.create_bind_group(layout=pipelines.depth_layout, entries=[{"binding": 0, "resource": depth_view}]))
             for each in np.flatnonzero(facing).tolist():
-                render_pass.draw(18, 1, 0, each)
+                render_pass.set_bind_group(0, group, [each * records.VIEW_STRIDE])
+                render_pass.draw(18)
             render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
@@ -300,7 +299,8 @@ class TerrainLayer:
         buffers = self._buffers
         size_px = (windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1])
         buffers["terrain"].write(records.terrain_row(look, origin, room_from_posts, ground.spacing_m, low_high))
-        buffers["views"].write(records.view_rows(views, room_from_posts, origin, allowed_px, tints, size_px))
+        rows = records.view_rows(views, room_from_posts, origin, allowed_px, tints, size_px)
+        buffers["view"].write(records.in_strides(rows))
         self._origin = origin
         return np.array([view.facing for view in views])
 
@@ -328,7 +328,7 @@ class TerrainLayer:
         return [{"view": view, "clear_value": self._background, "load_op": "clear", "store_op": "store"}]
 
     def _record(
-        self, render_pass: Any, windows: Windows, facing: NDArray[np.bool_], pairs: tuple[NDArray[np.int64], ...],
+        self, render_pass: Any, group: Any, windows: Windows, facing: NDArray[np.bool_], pairs: tuple[NDArray[np.int64], ...],
         places: PatchPlaces, rims: Rims,
     ) -> None:  # fmt: skip
         count = facing.shape[1]
@@ -352,17 +352,19 @@ class TerrainLayer:
                 if not own or right <= left or bottom <= top:
                     continue
                 shift = eye * windows.quilt.size_px[0]
+                render_pass.set_bind_group(0, group, [view * records.VIEW_STRIDE])
                 render_pass.set_scissor_rect(left + shift, top, right - left, bottom - top)
                 if sized == "uint16":
                     for indices, first_index, first_vertex in own:
                         if indices:
-                            render_pass.draw_indexed(indices, 1, first_index, first_vertex, view)
+                            render_pass.draw_indexed(indices, 1, first_index, first_vertex)
                 elif rim_first[panel + 1] > rim_first[panel]:
                     begin = rim_first[panel]
-                    render_pass.draw_indexed(rim_first[panel + 1] - begin, 1, begin, 0, view)
+                    render_pass.draw_indexed(rim_first[panel + 1] - begin, 1, begin)
 
     def _group(self) -> Any:
         resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()}
+        resources["view"] |= {"offset": 0, "size": records.TERRAIN_VIEW.itemsize}
         resources |= {name: pool.texels for name, pool in self._pools.items()} | {"bilinear": self._sampler}
         entries = [{"binding": number, "resource": resources[name]} for name, number in BINDINGS.items()]
         return self._device.wgpu.create_bind_group(layout=self._pipelines.layout, entries=entries)

@@ -88,29 +88,16 @@ struct Varyings {
     @builtin(position) position: vec4<f32>,
     // Column, row and height, counted from the origin.
     @location(0) place: vec3<f32>,
-    @location(1) @interpolate(flat) view: u32,
-    @location(2) @interpolate(flat) patch_number: u32,
+    @location(1) @interpolate(flat) patch_number: u32,
 }
 
 struct CutVaryings {
     @builtin(position) position: vec4<f32>,
     @location(0) place: vec3<f32>,
-    @location(1) @interpolate(flat) view: u32,
-    @location(2) @interpolate(flat) patch_number: u32,
+    @location(1) @interpolate(flat) patch_number: u32,
     // Pixels inside the first and the last four edges, times w.
-    @location(3) inside: vec4<f32>,
-    @location(4) inside_too: vec4<f32>,
-}
-
-// What all pixels of a panel have in common, handed on because every pixel would read it anew.
-struct Glimpse {
-    @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat) eye: vec3<f32>,
-    @location(1) @interpolate(flat) way: vec3<f32>,
-    @location(2) @interpolate(flat) way_right: vec3<f32>,
-    @location(3) @interpolate(flat) way_down: vec3<f32>,
-    @location(4) @interpolate(flat) tolerance_log2: f32,
-    @location(5) @interpolate(flat) tint: vec4<f32>,
+    @location(2) inside: vec4<f32>,
+    @location(3) inside_too: vec4<f32>,
 }
 
 struct Surface {
@@ -118,11 +105,11 @@ struct Surface {
     // How the place changes over a pixel.
     right: vec3<f32>,
     down: vec3<f32>,
-    tolerance_log2: f32,
 }
 
 @group(0) @binding(0) var<uniform> terrain: Terrain;
-@group(0) @binding(1) var<storage, read> views: array<TerrainView>;
+// The panel that is drawn.
+@group(0) @binding(1) var<uniform> view: TerrainView;
 @group(0) @binding(2) var<uniform> sources: array<Source, 3>;
 // Per page of all sources: slot << 12 | faded in (of 127) << 5 | levels coarser.
 @group(0) @binding(3) var<storage, read> table: array<u32>;
@@ -135,33 +122,28 @@ struct Surface {
 // ---------------------------------------------------------------- geometry
 
 @vertex
-fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> CutVaryings {
+fn vertex(in: Vertex) -> CutVaryings {
     let post = vec2<f32>(vec2<i32>(in.post) - terrain.origin_post);
     let place = vec4(post, in.height_m - terrain.origin_height_m, 1.0);
     var out: CutVaryings;
     out.position = vec4(
-        dot(views[view].x, place), dot(views[view].y, place), views[view].near, dot(views[view].w, place)
+        dot(view.x, place), dot(view.y, place), view.near, dot(view.w, place)
     );
     for (var k = 0u; k < 4u; k++) {
-        out.inside[k] = dot(views[view].edges[k], place);
-        out.inside_too[k] = dot(views[view].edges[k + 4u], place);
+        out.inside[k] = dot(view.edges[k], place);
+        out.inside_too[k] = dot(view.edges[k + 4u], place);
     }
     out.place = place.xyz;
-    out.view = view;
     out.patch_number = in.patch_number;
     return out;
 }
 
 // A panel's outline and guard band: a fan of triangles about its first corner.
 @vertex
-fn outline(@builtin(vertex_index) number: u32, @builtin(instance_index) view: u32) -> Glimpse {
+fn outline(@builtin(vertex_index) number: u32) -> @builtin(position) vec4<f32> {
     let side = number % 3u;
-    let corner = select(number / 3u + side, 0u, side == 0u);
-    // At depth 0, behind all that is drawn and before nothing.
-    return Glimpse(
-        views[view].corners[corner], views[view].eye.xyz, views[view].way.xyz, views[view].way_right.xyz,
-        views[view].way_down.xyz, views[view].tolerance_log2, views[view].tint
-    );
+    // At depth 0: before nothing, and behind all that is drawn.
+    return view.corners[select(number / 3u + side, 0u, side == 0u)];
 }
 
 // ---------------------------------------------------------------- pages
@@ -257,7 +239,7 @@ fn sampled(source: u32, at: Surface) -> vec4<f32> {
     let across = texels_from(source, at.right.xy);
     let along = texels_from(source, at.down.xy);
     let footprint2 = max(dot(across, across), dot(along, along));
-    let wanted = 0.5 * log2(max(footprint2, 1e-30)) + at.tolerance_log2;
+    let wanted = 0.5 * log2(max(footprint2, 1e-30)) + view.tolerance_log2;
     let level = clamp(wanted, 0.0, f32(sources[source].top));
     let fine = texels_from(source, at.place.xy) + sources[source].offset;
     let lower = u32(level);
@@ -369,15 +351,14 @@ fn step(before: f32, here: f32, after: f32) -> f32 {
 
 // The colour of what is nearest in every pixel of a panel.
 @fragment
-fn picture(in: Glimpse) -> @location(0) vec4<f32> {
-    let pixel = vec2<i32>(in.position.xy);
+fn picture(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(position.xy);
     let depth = depth_at(pixel);
     let right = step(depth_at(pixel - vec2(1, 0)), depth, depth_at(pixel + vec2(1, 0))) / depth;
     let down = step(depth_at(pixel - vec2(0, 1)), depth, depth_at(pixel + vec2(0, 1))) / depth;
-    let way = in.way + in.position.x * in.way_right + in.position.y * in.way_down;
+    let way = view.way.xyz + position.x * view.way_right.xyz + position.y * view.way_down.xyz;
     let at = Surface(
-        in.eye + way / depth, (in.way_right - right * way) / depth, (in.way_down - down * way) / depth,
-        in.tolerance_log2
+        view.eye.xyz + way / depth, (view.way_right.xyz - right * way) / depth, (view.way_down.xyz - down * way) / depth
     );
     var normal = facet(at.right, at.down);
     if sources[RELIEF].ready != 0u {
@@ -385,7 +366,7 @@ fn picture(in: Glimpse) -> @location(0) vec4<f32> {
     }
     var colour = light(at, normal, vec4<f32>());
     if PANELS {
-        colour = mix(colour, in.tint.rgb * (0.3 + 0.7 * lit(normal)), in.tint.a);
+        colour = mix(colour, view.tint.rgb * (0.3 + 0.7 * lit(normal)), view.tint.a);
     }
     return vec4<f32>(colour, 1.0);
 }
@@ -401,14 +382,14 @@ fn is_cut(in: CutVaryings) -> bool {
 
 @fragment
 fn solid(in: Varyings) {
-    if is_hole(Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2)) {
+    if is_hole(Surface(in.place, dpdx(in.place), dpdy(in.place))) {
         discard;
     }
 }
 
 @fragment
 fn cut_solid(in: CutVaryings) {
-    let at = Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2);
+    let at = Surface(in.place, dpdx(in.place), dpdy(in.place));
     if is_cut(in) || (HOLES && is_hole(at)) {
         discard;
     }
@@ -416,7 +397,7 @@ fn cut_solid(in: CutVaryings) {
 
 @fragment
 fn patches(in: Varyings) -> @location(0) vec4<f32> {
-    let at = Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2);
+    let at = Surface(in.place, dpdx(in.place), dpdy(in.place));
     if HOLES && is_hole(at) {
         discard;
     }
@@ -425,7 +406,7 @@ fn patches(in: Varyings) -> @location(0) vec4<f32> {
 
 @fragment
 fn cut_patches(in: CutVaryings) -> @location(0) vec4<f32> {
-    let at = Surface(in.place, dpdx(in.place), dpdy(in.place), views[in.view].tolerance_log2);
+    let at = Surface(in.place, dpdx(in.place), dpdy(in.place));
     if is_cut(in) || (HOLES && is_hole(at)) {
         discard;
     }

@@ -50,8 +50,7 @@ struct Varyings {
     @builtin(position) position: vec4<f32>,
     @builtin(clip_distances) inside: array<f32, 8>,
     @location(0) place: vec3<f32>,
-    @location(1) @interpolate(flat) view: u32,
-    @location(2) @interpolate(flat) patch_number: u32,
+    @location(1) @interpolate(flat) patch_number: u32,
 }
 
 struct Bare {
@@ -60,30 +59,29 @@ struct Bare {
 }
 
 @group(0) @binding(0) var<uniform> terrain: Terrain;
-@group(0) @binding(1) var<storage, read> views: array<TerrainView>;
+@group(0) @binding(1) var<uniform> view: TerrainView;
 
 @vertex
-fn vertex(in: Vertex, @builtin(instance_index) view: u32) -> Varyings {
+fn vertex(in: Vertex) -> Varyings {
     let place = placed(in);
     var out: Varyings;
-    out.position = position(place, view);
+    out.position = position(place);
     for (var k = 0u; k < 8u; k++) {
-        out.inside[k] = dot(views[view].edges[k], place);
+        out.inside[k] = dot(view.edges[k], place);
     }
     out.place = place.xyz;
-    out.view = view;
     out.patch_number = in.patch_number;
     return out;
 }
 
 // For depth alone.
 @vertex
-fn bare_vertex(in: Vertex, @builtin(instance_index) view: u32) -> Bare {
+fn bare_vertex(in: Vertex) -> Bare {
     let place = placed(in);
     var out: Bare;
-    out.position = position(place, view);
+    out.position = position(place);
     for (var k = 0u; k < 8u; k++) {
-        out.inside[k] = dot(views[view].edges[k], place);
+        out.inside[k] = dot(view.edges[k], place);
     }
     return out;
 }
@@ -93,8 +91,8 @@ fn placed(in: Vertex) -> vec4<f32> {
     return vec4(post, in.height_m - terrain.origin_height_m, 1.0);
 }
 
-fn position(place: vec4<f32>, view: u32) -> vec4<f32> {
+fn position(place: vec4<f32>) -> vec4<f32> {
     return vec4(
-        dot(views[view].x, place), dot(views[view].y, place), views[view].near, dot(views[view].w, place)
+        dot(view.x, place), dot(view.y, place), view.near, dot(view.w, place)
     );
 }

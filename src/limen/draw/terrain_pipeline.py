@@ -17,7 +17,7 @@ __all__ = ["BINDINGS", "TerrainOverlay", "TerrainPipelines"]
 TerrainOverlay: TypeAlias = Literal["panels", "patches"]
 
 BINDINGS = {
-    "terrain": 0, "views": 1, "sources": 2, "table": 3, "relief_pool": 4, "heights_pool": 5, "drape_pool": 6,
+    "terrain": 0, "view": 1, "sources": 2, "table": 3, "relief_pool": 4, "heights_pool": 5, "drape_pool": 6,
     "bilinear": 7,
 }  # fmt: skip
 
@@ -107,7 +107,7 @@ class TerrainPipelines:
         texture = {"texture": {"sample_type": "float", "view_dimension": "2d-array"}}
         uniform, storage = {"buffer": {"type": "uniform"}}, {"buffer": {"type": "read-only-storage"}}
         kinds: dict[str, dict[str, Any]] = {
-            "terrain": uniform, "views": storage, "sources": uniform, "table": storage,
+            "terrain": uniform, "view": {"buffer": {"type": "uniform", "has_dynamic_offset": True}}, "sources": uniform, "table": storage,
             "relief_pool": texture, "heights_pool": texture, "drape_pool": texture,
             "bilinear": {"sampler": {"type": "filtering"}},
         }  # fmt: skip

@@ -26,7 +26,9 @@ __all__ = [
     "TERRAIN",
     "TERRAIN_VIEW",
     "VERTEX",
+    "VIEW_STRIDE",
     "Origin",
+    "in_strides",
     "nearest_first",
     "nearest_m",
     "origin_near",
@@ -90,6 +92,9 @@ SOURCE = np.dtype(
         ("levels", "<u4", (MOST_LEVELS, 4)),
     ]
 )
+
+VIEW_STRIDE = 512
+"""Bytes from one panel's row to the next: WebGPU wants 256 or multiples between bindings of one buffer."""
 
 _NO_SEA = -3.0e38
 _COARSEST_LOG2 = 100.0
@@ -175,6 +180,13 @@ def view_rows(
         if tints is not None:
             row["tint"] = tints
     return rows.reshape(-1)
+
+
+def in_strides(rows: Rows) -> NDArray[np.uint8]:
+    """Rows of `TERRAIN_VIEW` as bytes, `VIEW_STRIDE` apart: shape (rows, VIEW_STRIDE)."""
+    apart = np.zeros((len(rows), VIEW_STRIDE), np.uint8)
+    apart[:, : rows.itemsize] = rows.view(np.uint8).reshape(len(rows), -1)
+    return apart
 
 
 def _write_ways(
