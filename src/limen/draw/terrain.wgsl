@@ -68,14 +68,14 @@ struct Source {
     offset: vec2<f32>,
     origin: vec2<i32>,
     size_px: vec2<i32>,
-    pool_columns: u32,
-    pool_rows: u32,
+    // Of one texel of a layer of the pool.
+    per_texel: vec2<f32>,
     top: u32,
     // 0 until the coarsest page is there; from then on every page has one to stand for it.
     ready: u32,
     padding: vec2<u32>,
-    // Columns, rows, and the table's entry of the first page.
-    levels: array<vec4<u32>, 24>,
+    // The table's entry of every level's first page.
+    entries: array<vec4<u32>, 6>,
 }
 
 struct Vertex {
@@ -153,16 +153,10 @@ struct Slot {
     layer: i32,
 }
 
-fn place_of_slot(source: u32, slot: u32) -> Slot {
-    let columns = sources[source].pool_columns;
-    let per_layer = columns * sources[source].pool_rows;
-    let inside = slot % per_layer;
-    let cell = vec2<f32>(f32(inside % columns), f32(inside / columns));
-    return Slot(cell * SIDE + GUTTER, i32(slot / per_layer));
-}
-
-fn per_texel(source: u32) -> vec2<f32> {
-    return 1.0 / (vec2<f32>(f32(sources[source].pool_columns), f32(sources[source].pool_rows)) * SIDE);
+// Layers have 8 x 8 pages; shifts, because adapters divide whole numbers slowly.
+fn place_of_slot(slot: u32) -> Slot {
+    let cell = vec2<f32>(vec2(slot & 7u, (slot >> 3u) & 7u));
+    return Slot(cell * SIDE + GUTTER, i32(slot >> 6u));
 }
 
 // The share of heights' range, how it grows with a texel along x and y, and the share of valid posts. Decoded before texels
@@ -188,39 +182,39 @@ fn height_of(texel: vec4<f32>) -> vec2<f32> {
 }
 
 fn texel_at(source: u32, slot: u32, texel: vec2<f32>) -> vec4<f32> {
-    let place = place_of_slot(source, slot);
+    let place = place_of_slot(slot);
     // At a page's rim the sampler reads half a texel farther, which the gutter holds.
     let inside = clamp(texel, vec2<f32>(1.0 - GUTTER), vec2<f32>(PAGE + GUTTER - 1.0));
     if source == HEIGHTS {
         return height_at(place, inside);
     }
-    let at = (place.corner + inside) * per_texel(source);
+    let at = (place.corner + inside) * sources[source].per_texel;
     if source == RELIEF {
         return textureSampleLevel(relief_pool, bilinear, at, place.layer, 0.0);
     }
     return textureSampleLevel(drape_pool, bilinear, at, place.layer, 0.0);
 }
 
-// What pages of one level show at a place, which is counted in texels of full resolution from the source's origin: each
-// page as far as it has come and faded in, what is coarser where it has not.
-fn page_light(source: u32, fine: vec2<f32>, first_level: u32) -> vec4<f32> {
-    let whole = sources[source].origin + vec2<i32>(floor(fine));
+// What pages of one level show at a place, which is counted in texels of full resolution from the source's origin, and
+// in whole ones from its corner: each page as far as it has come and faded in, what is coarser where it has not.
+fn page_light(source: u32, fine: vec2<f32>, whole: vec2<i32>, first_level: u32) -> vec4<f32> {
     var light = vec4<f32>();
     var left = 1.0;
     var level = first_level;
     while left > 0.0 && level <= sources[source].top {
-        let grid = sources[source].levels[level];
-        let most = vec2<i32>(grid.xy) - 1;
-        let cell = vec2<u32>(clamp(whole >> vec2<u32>(level + PAGE_BITS), vec2<i32>(), most));
-        let entry = table[grid.z + cell.y * grid.x + cell.x];
+        let bits = vec2<u32>(level + PAGE_BITS);
+        let cell = vec2<u32>(whole >> bits);
+        let columns = u32((sources[source].size_px.x - 1) >> bits.x) + 1u;
+        let entry = table[sources[source].entries[level >> 2u][level & 3u] + cell.y * columns + cell.x];
         let up = entry & 0x1fu;
         let shown = level + up;
         let corner = vec2<i32>((cell >> vec2<u32>(up)) << vec2<u32>(shown + PAGE_BITS));
-        let texel = (vec2<f32>(sources[source].origin - corner) + fine) * exp2(-f32(shown));
+        let per_texel = bitcast<f32>((127u - shown) << 23u);  // 2 to the power of -shown
+        let texel = (vec2<f32>(sources[source].origin - corner) + fine) * per_texel;
         let fade = f32((entry >> 5u) & 0x7fu) / 127.0;
         var seen = texel_at(source, entry >> 12u, texel);
         if source == HEIGHTS {
-            seen = vec4<f32>(seen.x, seen.yz * exp2(-f32(shown)), seen.w);
+            seen = vec4<f32>(seen.x, seen.yz * per_texel, seen.w);
         }
         light += left * fade * seen;
         left *= 1.0 - fade;
@@ -243,12 +237,13 @@ fn sampled(source: u32, at: Surface) -> vec4<f32> {
     let level = clamp(wanted, 0.0, f32(sources[source].top));
     let fine = texels_from(source, at.place.xy) + sources[source].offset;
     let lower = u32(level);
-    let light = page_light(source, fine, lower);
+    let whole = clamp(sources[source].origin + vec2<i32>(floor(fine)), vec2<i32>(), sources[source].size_px - 1);
+    let light = page_light(source, fine, whole, lower);
     let share = level - f32(lower);
     if share <= 0.0 {
         return light;
     }
-    return mix(light, page_light(source, fine, lower + 1u), share);
+    return mix(light, page_light(source, fine, whole, lower + 1u), share);
 }
 
 fn in_source(source: u32, place: vec2<f32>) -> bool {

@@ -17,6 +17,7 @@ from limen.data.terrain import Nodes, Patch
 from limen.draw import terrain_look
 from limen.draw.terrain_look import TerrainLook
 from limen.geometry import Floats
+from limen.gpu.pool import PAGE_SIDE
 from limen.select.detail import KEPT
 from limen.view import NEAR_M, PanelViews
 
@@ -84,12 +85,11 @@ SOURCE = np.dtype(
         ("offset", "<f4", 2),
         ("origin", "<i4", 2),
         ("size_px", "<i4", 2),
-        ("pool_columns", "<u4"),
-        ("pool_rows", "<u4"),
+        ("per_texel", "<f4", 2),
         ("top", "<u4"),
         ("ready", "<u4"),
         ("padding", "<u4", 2),
-        ("levels", "<u4", (MOST_LEVELS, 4)),
+        ("entries", "<u4", (MOST_LEVELS // 4, 4)),
     ]
 )
 
@@ -260,7 +260,6 @@ def source_row(
     whole = np.floor(texel)
     row["origin"], row["offset"] = whole.astype(np.int64), texel - whole
     row["size_px"], row["top"], row["ready"] = pyramid.size_px, len(pyramid.levels) - 1, ready
-    row["pool_columns"], row["pool_rows"] = pool_pages
-    for place, level in zip(row["levels"][0], pyramid.levels, strict=False):
-        place[:3] = level.columns, level.rows, level.first_page + first_entry
+    row["per_texel"] = 1.0 / (np.array(pool_pages) * PAGE_SIDE)
+    row["entries"].reshape(-1)[: len(pyramid.levels)] = [level.first_page + first_entry for level in pyramid.levels]
     return row
