@@ -143,6 +143,7 @@ class TerrainLayer:
             "table": GrowingBuffer(device, "table", usage.STORAGE),
         }
         self._tables: PageTables | None = None
+        self._fading = False
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._pipelines = TerrainPipelines(device, clip=clip, holes=ground.has_voids)
         self._targets = Targets(device)
@@ -252,7 +253,7 @@ class TerrainLayer:
         if not with_triangles:
             render_pass = encoder.begin_render_pass(color_attachments=self._colour(view), depth_stencil_attachment={"view": depth_view, "depth_read_only": True})
             render_pass.set_pipeline(
-                pipelines.picture(target_format, look.colours, contours=contours, panels=overlay == "panels")
+                pipelines.picture(target_format, look.colours, contours=contours, panels=overlay == "panels", fading=self._fading)
             )
             render_pass.set_bind_group(1, self._device.wgpu.create_bind_group(layout=pipelines.depth_layout, entries=[{"binding": 0, "resource": depth_view}]))
             for each in np.flatnonzero(facing).tolist():
@@ -312,6 +313,7 @@ class TerrainLayer:
         if pages is not self._tables:
             self._buffers["table"].write(np.concatenate([page_table(table) for table in tables if table is not None]))
             self._tables = pages
+            self._fading = any(bool((table.fade[table.slot >= 0] < 1).any()) for table in tables if table is not None)
         pyramids = [ground.relief.pyramid, ground.heights.pyramid, drape.pyramid if drape else ground.relief.pyramid]
         maps = [_POST_CENTRES, _POST_CENTRES, drape.texel_from_post if drape else _POST_CENTRES]
         rows, first = [], 0

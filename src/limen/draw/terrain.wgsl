@@ -9,6 +9,8 @@ override COLOURS: u32 = 0u;
 override CONTOURS: bool = false;
 // Every panel in its tint.
 override PANELS: bool = false;
+// Some page is not all there yet; else the coarser ones behind it need not be looked for.
+override FADING: bool = true;
 // There are posts without data.
 override HOLES: bool = false;
 
@@ -195,30 +197,44 @@ fn texel_at(source: u32, slot: u32, texel: vec2<f32>) -> vec4<f32> {
     return textureSampleLevel(drape_pool, bilinear, at, place.layer, 0.0);
 }
 
-// What pages of one level show at a place, which is counted in texels of full resolution from the source's origin, and
-// in whole ones from its corner: each page as far as it has come and faded in, what is coarser where it has not.
-fn page_light(source: u32, fine: vec2<f32>, whole: vec2<i32>, first_level: u32) -> vec4<f32> {
-    var light = vec4<f32>();
-    var left = 1.0;
-    var level = first_level;
-    while left > 0.0 && level <= sources[source].top {
-        let bits = vec2<u32>(level + PAGE_BITS);
-        let cell = vec2<u32>(whole >> bits);
-        let columns = u32((sources[source].size_px.x - 1) >> bits.x) + 1u;
-        let entry = table[sources[source].entries[level >> 2u][level & 3u] + cell.y * columns + cell.x];
-        let up = entry & 0x1fu;
-        let shown = level + up;
-        let corner = vec2<i32>((cell >> vec2<u32>(up)) << vec2<u32>(shown + PAGE_BITS));
-        let per_texel = bitcast<f32>((127u - shown) << 23u);  // 2 to the power of -shown
-        let texel = (vec2<f32>(sources[source].origin - corner) + fine) * per_texel;
-        let fade = f32((entry >> 5u) & 0x7fu) / 127.0;
-        var seen = texel_at(source, entry >> 12u, texel);
-        if source == HEIGHTS {
-            seen = vec4<f32>(seen.x, seen.yz * per_texel, seen.w);
-        }
-        light += left * fade * seen;
-        left *= 1.0 - fade;
-        level = shown + 1u;
+struct Seen {
+    light: vec4<f32>,
+    // How far its page has faded in, and of which level it is.
+    fade: f32,
+    level: u32,
+}
+
+// What the page of a level, or a coarser one in its stead, shows at a place, which is counted in texels of full
+// resolution: from the source's origin, and in whole ones from its corner.
+fn page_seen(source: u32, fine: vec2<f32>, whole: vec2<i32>, level: u32) -> Seen {
+    let bits = vec2<u32>(level + PAGE_BITS);
+    let cell = vec2<u32>(whole >> bits);
+    let columns = u32((sources[source].size_px.x - 1) >> bits.x) + 1u;
+    let entry = table[sources[source].entries[level >> 2u][level & 3u] + cell.y * columns + cell.x];
+    let up = entry & 0x1fu;
+    let shown = level + up;
+    let corner = vec2<i32>((cell >> vec2<u32>(up)) << vec2<u32>(shown + PAGE_BITS));
+    let per_texel = bitcast<f32>((127u - shown) << 23u);  // 2 to the power of -shown
+    let texel = (vec2<f32>(sources[source].origin - corner) + fine) * per_texel;
+    var light = texel_at(source, entry >> 12u, texel);
+    if source == HEIGHTS {
+        light = vec4<f32>(light.x, light.yz * per_texel, light.w);
+    }
+    return Seen(light, f32((entry >> 5u) & 0x7fu) / 127.0, shown);
+}
+
+// What pages of one level show: each as far as it has come and faded in, what is coarser where it has not.
+fn page_light(source: u32, fine: vec2<f32>, whole: vec2<i32>, level: u32) -> vec4<f32> {
+    var seen = page_seen(source, fine, whole, level);
+    if !FADING {
+        return seen.light;
+    }
+    var light = seen.fade * seen.light;
+    var left = 1.0 - seen.fade;
+    while left > 0.0 && seen.level < sources[source].top {
+        seen = page_seen(source, fine, whole, seen.level + 1u);
+        light += left * seen.fade * seen.light;
+        left *= 1.0 - seen.fade;
     }
     return light;
 }

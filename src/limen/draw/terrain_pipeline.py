@@ -66,11 +66,15 @@ class TerrainPipelines:
         fragment = self._fragment(entry, constants, [{"format": target_format}])
         return self._kept(("patches", target_format, colours, contours), "vertex", fragment)
 
-    def picture(self, target_format: str, colours: Colours, *, contours: bool, panels: bool) -> Any:
-        """Colours every pixel of a panel from its depth; ``panels`` lays the panels' tints over them."""
-        key = ("picture", target_format, colours, contours, panels)
+    def picture(self, target_format: str, colours: Colours, *, contours: bool, panels: bool, fading: bool) -> Any:
+        """Colours every pixel of a panel from its depth.
+
+        ``panels`` lays the panels' tints over them. ``fading``: some page is not all there.
+        """
+        key = ("picture", target_format, colours, contours, panels, fading)
         if key not in self._made:
             constants = {"COLOURS": COLOURS.index(colours), "CONTOURS": int(contours), "PANELS": int(panels)}
+            constants["FADING"] = int(fading)
             self._made[key] = self._device.wgpu.create_render_pipeline(
                 label="terrain",
                 layout=self._layout([self.layout, self.depth_layout]),
