@@ -125,6 +125,10 @@ class GridLand:
         )
         self.reads: list[int] = []
 
+    @property
+    def has_voids(self) -> bool:
+        return bool(self.void.any())
+
     def read_patch(self, patch: int) -> Patch:
         self.reads.append(patch)
         if patch in self.broken:

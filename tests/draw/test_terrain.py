@@ -443,17 +443,44 @@ def flat_view(size: int = 64, **options: Any) -> tuple[GridLand, Display, Any]:
 ABOVE = (0.0, 0.0, 1.0)
 
 
-def test_holes_are_cut_out_where_posts_have_no_data(stage: Any) -> None:
+@pytest.mark.parametrize("clip", [True, False])
+def test_holes_are_cut_out_where_posts_have_no_data(stage: Any, clip: bool) -> None:
     void = np.zeros((65, 65), bool)
     void[20:30, 40:55] = True
     land, display, room = flat_view(void=void)
-    picture = stage(land)
+    picture = stage(land, clip=clip)
     picture.load(leaves(land))
     hole = (picture.draw(display, room, leaves(land), eyes=ABOVE) == MAGENTA).all(-1)
     # Pixel (x, y) shows the middle between posts (x, y) and (x + 1, y + 1): half valid is drawn.
     around = (void[:-1, :-1].astype(float) + void[1:, :-1] + void[:-1, 1:] + void[1:, 1:]) / 4
     sure = around != 0.5
     np.testing.assert_array_equal(hole[sure], around[sure] > 0.5)
+
+
+def test_land_is_seen_through_holes_in_what_is_before_it(stage: Any) -> None:
+    """A ridge lies across the view; its crest has no data, and hides nothing."""
+    void = np.zeros((65, 65), bool)
+    void[30:40] = True
+    heights = np.zeros((65, 65))
+    heights[25:45] = 40 * (1 - np.abs(np.arange(25, 45) - 34.5) / 10)[:, None]  # a ridge across the view
+    display = one_panel()
+    pictures, depths = [], []
+    for holes in (void, None):
+        land = GridLand(heights, leaf=32, void=holes)
+        room = room_from_posts(land, display, EYE, LookAt(pitch_deg=25, range_m=90.0))
+        picture = stage(land)
+        picture.load(leaves(land))
+        pictures.append(picture.draw(display, room, leaves(land), overlay="patches"))
+        pictures.append(picture.draw(display, room, leaves(land)))
+        try:
+            depths.append(picture.layer.read_depth(picture.windows))
+        except DeviceLimitError:
+            pytest.skip("THIS ADAPTER DOES NOT GIVE DEPTH AWAY: what is behind was not compared")
+    sky = [(drawn == MAGENTA).all(-1) for drawn in pictures]
+    np.testing.assert_array_equal(sky[0], sky[1], "drawn with its triangles or after them, land covers the same pixels")
+    np.testing.assert_array_equal(sky[2], sky[3])
+    farther = (depths[0] < 0.9 * depths[1]) & (depths[0] > 0)
+    assert farther.sum() > 100, "what is behind the ridge is seen"
 
 
 def test_a_draped_image_lies_where_its_map_says(stage: Any, memory_image: Any) -> None:
@@ -519,6 +546,22 @@ def test_a_page_that_is_missing_is_replaced_by_a_coarser_one(stage: Any) -> None
     assert not (coarse == MAGENTA).all(-1).any()
     assert np.abs(coarse.astype(int) - fine).mean() < 12, "smooth hills look much the same from half their texels"
     assert (coarse != fine).any()
+
+
+def test_a_page_fades_in_over_the_coarser_one(stage: Any) -> None:
+    land = GridLand(hills(513, 513, 4.0), leaf=128)
+    display, look = one_panel((96, 96)), TerrainLook("plain", altitude_deg=90)
+    room = room_from_posts(land, display, ABOVE, LookAt(pitch_deg=90, range_m=80.0, target=(0.3, 0.3)))
+    picture = stage(land)
+    picture.load(leaves(land))
+    table = picture.pages.relief
+    light = []
+    for share in (0.0, 0.5, 1.0):
+        fade = np.where(np.arange(len(table.fade)) == len(table.fade) - 1, 1.0, share).astype(np.float32)
+        picture.pages = picture.pages._replace(relief=table._replace(fade=fade))
+        light.append(linear_of_srgb(picture.draw(display, room, leaves(land), eyes=ABOVE, look=look) / 255))
+    assert np.abs(light[2] - light[0]).max() > 0.02, "levels differ"
+    np.testing.assert_allclose(light[1], (light[0] + light[2]) / 2, atol=0.01)
 
 
 def test_overlays_tell_panels_and_patches_apart(stage: Any) -> None:

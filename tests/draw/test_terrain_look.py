@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,14 @@ from hypothesis import strategies as st
 
 import limen.draw.terrain_records as records
 from limen.data.terrain import Nodes
+from limen.display.display import Display
+from limen.display.mapping import quilt_outlines
+from limen.display.packing import pack_outlines
+from limen.display.panel import Panel
 from limen.draw.terrain_look import TerrainLook, contour_interval_m, panel_tints, tint_range_m, toward_sun
 from limen.errors import InputError
 from limen.gpu.structs import wgsl_struct
-from limen.view import NEAR_M
+from limen.view import NEAR_M, Windows
 
 SHADERS = [Path(records.__file__).parent / name for name in ("terrain.wgsl", "terrain_clip.wgsl")]
 STRUCTS = {"Terrain": records.TERRAIN, "TerrainView": records.TERRAIN_VIEW, "Source": records.SOURCE}
@@ -107,3 +112,60 @@ def test_places_are_counted_from_the_post_below_the_eye() -> None:
     assert origin.height_m == float(np.float32(origin.height_m))
     outside = records.origin_near(np.array([-1e7, 1e9, 0.0]), room, (65_536, 65_536))
     assert outside.post.tolist() == [0, 65_535]
+
+
+def test_a_pixel_and_its_depth_lead_back_to_the_place() -> None:
+    """On a panel beside the eye, in a quilt for two eyes, of land that is turned, stretched and far from its corner."""
+    turn = 0.4
+    panel = Panel("only", (320, 200), (0.3, 0.9, -0.2), (math.cos(turn), 0.0, math.sin(turn)), (0, -1, 0), (0.002,) * 2)
+    display = Display("one", (panel, Panel("behind", (320, 200), (0, 0, 3), (1, 0, 0), (0, -1, 0), (0.002,) * 2)))
+    (quilt,) = pack_outlines(display)
+    windows = Windows(display, quilt, copies=2)
+    eye, room = np.array([0.1, 0.5, 1.4]), np.eye(4)
+    room[:3, :3] = np.array([[0.02, 0.004, 0.0], [0.0, 0.0, 0.003], [0.005, -0.03, 0.0]])
+    room[:3, 3] = -room[:3, :3] @ [70_000.0, 40_000.0, 900.0]
+    origin = records.origin_near(eye, room, (100_000, 100_000))
+    size_px = (2 * quilt.size_px[0], quilt.size_px[1])
+    view = windows.seen_from(eye, copy=1, near_m=0.3)
+    row = records.view_rows([view], room, origin, np.ones(2), None, size_px)[0]
+    rng = np.random.default_rng(2)
+    share = rng.uniform(0.0, 1.0, (50, 2)) * panel.size_px * 0.002
+    on_panel = np.array(panel.origin_m) + share[:, :1] * panel.right + share[:, 1:] * panel.down
+    way_m = (on_panel - eye) * rng.uniform(1.5, 400.0, (50, 1))
+    place = (way_m + eye - room[:3, 3]) @ np.linalg.inv(room[:3, :3]).T - [*origin.post, origin.height_m]
+    x, y, w = (np.column_stack([place, np.ones(50)]) @ row[name].astype(float) for name in ("x", "y", "w"))
+    pixel, depth = np.column_stack([1 + x / w, 1 - y / w]) * size_px / 2, row["near"] / w
+    assert (pixel > [quilt.size_px[0], 0]).all(), "in the second eye's half"
+    ways = np.column_stack([pixel, np.ones(50)]) @ [
+        row[name][:3].astype(float) for name in ("way_right", "way_down", "way")
+    ]
+    found = row["eye"][:3] + ways / depth[:, None]
+    np.testing.assert_allclose((found - place) @ room[:3, :3].T, 0, atol=2e-5 * np.linalg.norm(way_m, axis=1).max())
+
+
+def test_a_panel_is_coloured_inside_its_outline() -> None:
+    """Corners in clip space are those of the outline and its guard band, the last one again where there are fewer."""
+    outline = ((24, 0), (48, 40), (0, 40))
+    display = Display(
+        "one", (Panel("top", (48, 40), (0, 0, 0), (1, 0, 0), (0, -1, 0), (0.01,) * 2, outline_px=outline),)
+    )
+    (quilt,) = pack_outlines(display)
+    windows = Windows(display, quilt)
+    view = windows.seen_from((0.2, 0.1, 0.7))
+    row = records.view_rows(
+        [view], np.eye(4), records.Origin(np.zeros(2, np.int64), 0.0), np.ones(1), None, quilt.size_px
+    )
+    corners_px = (row["corners"][0, :, :2] * [1, -1] + 1) * quilt.size_px / 2
+    (lit_px,) = quilt_outlines(display, quilt)
+    off = np.linalg.norm(corners_px[:3, None] - lit_px[None], axis=2).min(axis=0)
+    assert ((off >= windows.guard_px - 1e-3) & (off < 4 * windows.guard_px)).all()
+    np.testing.assert_array_equal(corners_px[3:], np.repeat(corners_px[2:3], 5, axis=0))
+
+
+def test_rows_of_panels_lie_where_bindings_may_begin() -> None:
+    assert records.VIEW_STRIDE % 256 == 0
+    rows = np.zeros(3, records.TERRAIN_VIEW)
+    rows["near"] = [1.0, 2.0, 3.0]
+    apart = records.in_strides(rows)
+    again = [apart[k].tobytes()[: rows.itemsize] for k in range(3)]
+    np.testing.assert_array_equal(np.frombuffer(b"".join(again), records.TERRAIN_VIEW), rows)

@@ -21,7 +21,7 @@ from limen.data.terrain import PatchSource
 from limen.draw import terrain_records as records
 from limen.draw.records import page_table
 from limen.draw.terrain_look import TerrainLook, contour_interval_m
-from limen.draw.terrain_pipeline import BINDINGS, TerrainOverlay, TerrainPipelines
+from limen.draw.terrain_pipeline import BINDINGS, OUTLINE_VERTICES, TerrainOverlay, TerrainPipelines
 from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.buffers import GrowingBuffer
@@ -234,32 +234,27 @@ class TerrainLayer:
         texture = None if target is not None else self._targets.texture(size, target_format, slot)
         view = texture.create_view() if texture is not None else target
         contours = contour_interval_m(look, self._ground.low_m, self._ground.high_m) > 0
+        depth = self._targets.texture(size, DEPTH_FORMAT).create_view()
+        pipelines, group, colour = self._pipelines, self._group(), self._colour(view)
         encoder = self._device.wgpu.create_command_encoder(label="terrain")
-        depth_view = self._targets.texture(size, DEPTH_FORMAT).create_view()
-        with_triangles = self._colour(view) if overlay == "patches" else []
+        of_triangles = overlay == "patches"
         render_pass = encoder.begin_render_pass(
-            color_attachments=with_triangles,
+            color_attachments=colour if of_triangles else [],
             depth_stencil_attachment={
-                "view": depth_view, "depth_clear_value": 0.0, "depth_load_op": "clear", "depth_store_op": "store",
+                "view": depth, "depth_clear_value": 0.0, "depth_load_op": "clear", "depth_store_op": "store",
             },
         )  # fmt: skip
-        pipelines, group = self._pipelines, self._group()
         render_pass.set_pipeline(
-            pipelines.patches(target_format, look.colours, contours=contours) if with_triangles else pipelines.depth()
+            pipelines.patches(target_format, look.colours, contours=contours) if of_triangles else pipelines.depth()
         )
         render_pass.set_vertex_buffer(0, self._vertices)
         self._record(render_pass, group, windows, facing, (cut.pair_panel, cut.pair_patch[order]), places, rims)
         render_pass.end()
-        if not with_triangles:
-            render_pass = encoder.begin_render_pass(color_attachments=self._colour(view), depth_stencil_attachment={"view": depth_view, "depth_read_only": True})
-            render_pass.set_pipeline(
-                pipelines.picture(target_format, look.colours, contours=contours, panels=overlay == "panels", fading=self._fading)
+        if not of_triangles:
+            picture = pipelines.picture(
+                target_format, look.colours, contours=contours, panels=overlay == "panels", fading=self._fading
             )
-            render_pass.set_bind_group(1, self._device.wgpu.create_bind_group(layout=pipelines.depth_layout, entries=[{"binding": 0, "resource": depth_view}]))
-            for each in np.flatnonzero(facing).tolist():
-                render_pass.set_bind_group(0, group, [each * records.VIEW_STRIDE])
-                render_pass.draw(18)
-            render_pass.end()
+            self._record_picture(encoder, picture, group, depth, colour, np.flatnonzero(facing).tolist())
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
 
@@ -330,8 +325,8 @@ class TerrainLayer:
         return [{"view": view, "clear_value": self._background, "load_op": "clear", "store_op": "store"}]
 
     def _record(
-        self, render_pass: Any, group: Any, windows: Windows, facing: NDArray[np.bool_], pairs: tuple[NDArray[np.int64], ...],
-        places: PatchPlaces, rims: Rims,
+        self, render_pass: Any, group: Any, windows: Windows, facing: NDArray[np.bool_],
+        pairs: tuple[NDArray[np.int64], ...], places: PatchPlaces, rims: Rims,
     ) -> None:  # fmt: skip
         count = facing.shape[1]
         pair_panel, patches = pairs
@@ -363,6 +358,22 @@ class TerrainLayer:
                 elif rim_first[panel + 1] > rim_first[panel]:
                     begin = rim_first[panel]
                     render_pass.draw_indexed(rim_first[panel + 1] - begin, 1, begin)
+
+    def _record_picture(
+        self, encoder: Any, pipeline: Any, group: Any, depth: Any, colour: list[dict[str, Any]], views: list[int]
+    ) -> None:
+        """Colour the pixels of every panel whose depth was drawn; others fail the depth test."""
+        entries = [{"binding": 0, "resource": depth}]
+        depths = self._device.wgpu.create_bind_group(layout=self._pipelines.depth_layout, entries=entries)
+        render_pass = encoder.begin_render_pass(
+            color_attachments=colour, depth_stencil_attachment={"view": depth, "depth_read_only": True}
+        )
+        render_pass.set_pipeline(pipeline)
+        render_pass.set_bind_group(1, depths)
+        for view in views:
+            render_pass.set_bind_group(0, group, [view * records.VIEW_STRIDE])
+            render_pass.draw(OUTLINE_VERTICES)
+        render_pass.end()
 
     def _group(self) -> Any:
         resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()}

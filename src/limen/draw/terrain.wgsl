@@ -1,4 +1,5 @@
-// Draws a terrain's patches on panels: geometry from vertices, colours from pages, for every pixel at its own level.
+// Draws a terrain's patches on panels: first the depth of what is nearest, from vertices, and then every pixel's colour
+// once, from pages, at its own level. The depth is near / w, so a pixel's place follows from it.
 //
 // Vertices are whole posts, counted from a post near the eye, so that nothing jitters far from the raster's corner. What
 // lies outside a panel's outline and guard band is cut away in the fragment stage; terrain_clip.wgsl has the vertex stage
@@ -348,7 +349,7 @@ fn relief(at: Surface) -> vec4<f32> {
 }
 
 fn is_hole(at: Surface) -> bool {
-    return sources[RELIEF].ready != 0u && relief(at).a < 0.5;
+    return HOLES && sources[RELIEF].ready != 0u && relief(at).a < 0.5;
 }
 
 fn depth_at(pixel: vec2<i32>) -> f32 {
@@ -391,25 +392,29 @@ fn is_cut(in: CutVaryings) -> bool {
     return any(min(in.inside, in.inside_too) < vec4(0.0));
 }
 
+// Of a triangle that is being drawn.
+fn surface(place: vec3<f32>) -> Surface {
+    return Surface(place, dpdx(place), dpdy(place));
+}
+
 @fragment
 fn solid(in: Varyings) {
-    if is_hole(Surface(in.place, dpdx(in.place), dpdy(in.place))) {
+    if is_hole(surface(in.place)) {
         discard;
     }
 }
 
 @fragment
 fn cut_solid(in: CutVaryings) {
-    let at = Surface(in.place, dpdx(in.place), dpdy(in.place));
-    if is_cut(in) || (HOLES && is_hole(at)) {
+    if is_hole(surface(in.place)) || is_cut(in) {
         discard;
     }
 }
 
 @fragment
 fn patches(in: Varyings) -> @location(0) vec4<f32> {
-    let at = Surface(in.place, dpdx(in.place), dpdy(in.place));
-    if HOLES && is_hole(at) {
+    let at = surface(in.place);
+    if is_hole(at) {
         discard;
     }
     return flat_light(at, in.patch_number);
@@ -417,8 +422,8 @@ fn patches(in: Varyings) -> @location(0) vec4<f32> {
 
 @fragment
 fn cut_patches(in: CutVaryings) -> @location(0) vec4<f32> {
-    let at = Surface(in.place, dpdx(in.place), dpdy(in.place));
-    if is_cut(in) || (HOLES && is_hole(at)) {
+    let at = surface(in.place);
+    if is_hole(at) || is_cut(in) {
         discard;
     }
     return flat_light(at, in.patch_number);

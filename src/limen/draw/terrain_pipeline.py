@@ -6,13 +6,14 @@ from typing import Any, Literal, TypeAlias
 
 import wgpu
 
+from limen.display.panel import MAX_OUTLINE_CORNERS
 from limen.draw import terrain_records as records
 from limen.draw.terrain_look import COLOURS, Colours
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.gpu.targets import DEPTH_FORMAT
 
-__all__ = ["BINDINGS", "TerrainOverlay", "TerrainPipelines"]
+__all__ = ["BINDINGS", "OUTLINE_VERTICES", "TerrainOverlay", "TerrainPipelines"]
 
 TerrainOverlay: TypeAlias = Literal["panels", "patches"]
 
@@ -20,6 +21,9 @@ BINDINGS = {
     "terrain": 0, "view": 1, "sources": 2, "table": 3, "relief_pool": 4, "heights_pool": 5, "drape_pool": 6,
     "bilinear": 7,
 }  # fmt: skip
+
+OUTLINE_VERTICES = 3 * (MAX_OUTLINE_CORNERS - 2)
+"""Of the triangles that a panel is coloured with; where an outline has fewer corners, some have no area."""
 
 _VERTICES = {
     "array_stride": records.VERTEX.itemsize,
@@ -110,8 +114,9 @@ class TerrainPipelines:
     def _bind_group_layout(self) -> Any:
         texture = {"texture": {"sample_type": "float", "view_dimension": "2d-array"}}
         uniform, storage = {"buffer": {"type": "uniform"}}, {"buffer": {"type": "read-only-storage"}}
+        one_of_many = {"buffer": {"type": "uniform", "has_dynamic_offset": True}}
         kinds: dict[str, dict[str, Any]] = {
-            "terrain": uniform, "view": {"buffer": {"type": "uniform", "has_dynamic_offset": True}}, "sources": uniform, "table": storage,
+            "terrain": uniform, "view": one_of_many, "sources": uniform, "table": storage,
             "relief_pool": texture, "heights_pool": texture, "drape_pool": texture,
             "bilinear": {"sampler": {"type": "filtering"}},
         }  # fmt: skip

@@ -174,7 +174,7 @@ def view_rows(
         for axis, name in enumerate(("x", "y", "w")):
             row[name] = view.clip[:, axis] @ way_from_post
         row["edges"] = view.edges @ way_from_post
-        _write_ways(row, view, np.linalg.inv(room_from_posts[:3, :3]), at[:3], size_px)
+        _write_ways(row, view, np.asarray(np.linalg.inv(room_from_posts[:3, :3]), dtype=float), at[:3], size_px)
         row["near"] = view.near
         row["tolerance_log2"] = np.minimum(np.log2(np.maximum(allowed_px * KEPT, 1.0)), _COARSEST_LOG2)
         if tints is not None:
