@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from limen.data import open as open
     from limen.data.image import Image as Image
     from limen.data.mesh import Mesh as Mesh
+    from limen.data.points_file import Points as Points
     from limen.data.terrain_file import Terrain as Terrain
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
@@ -33,8 +34,9 @@ _HOMES = {
     "LookAt": "limen.look_at",
     "Mesh": "limen.data.mesh",
     "Panel": "limen.display.panel",
-    "Terrain": "limen.data.terrain_file",
     "Pointer": "limen.viewer",
+    "Points": "limen.data.points_file",
+    "Terrain": "limen.data.terrain_file",
     "Tolerance": "limen.tolerance",
     "Viewer": "limen.viewer",
     "open": "limen.data",
@@ -53,6 +55,7 @@ __all__ = [
     "Mesh",
     "Panel",
     "Pointer",
+    "Points",
     "Terrain",
     "Tolerance",
     "Viewer",

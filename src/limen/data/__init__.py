@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from limen.data.mesh_sample import KNOT_TRIANGLES, MeshSampleReport, ripple, sample_mesh, torus_knot
     from limen.data.opening import open_content as open
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
+    from limen.data.points_build import build_points
+    from limen.data.points_file import Points, PointsInfo
     from limen.data.sample import SampleReport, sample_image
     from limen.data.terrain_build import TerrainReport, ingest_terrain
     from limen.data.terrain_file import Terrain
@@ -39,12 +41,15 @@ __all__ = [
     "Mesh",
     "MeshInfo",
     "MeshSampleReport",
+    "Points",
+    "PointsInfo",
     "Pyramid",
     "SampleReport",
     "Terrain",
     "TerrainInfo",
     "TerrainReport",
     "TerrainSampleReport",
+    "build_points",
     "elevation_info",
     "ingest",
     "ingest_terrain",
@@ -73,12 +78,15 @@ _HOMES = {
     "MeshSampleReport": ("mesh_sample", "MeshSampleReport"),
     "NO_TEXTURE": ("mesh", "NO_TEXTURE"),
     "PAGE": ("pages", "PAGE"),
+    "Points": ("points_file", "Points"),
+    "PointsInfo": ("points_file", "PointsInfo"),
     "Pyramid": ("pages", "Pyramid"),
     "SampleReport": ("sample", "SampleReport"),
     "Terrain": ("terrain_file", "Terrain"),
     "TerrainInfo": ("terrain_info", "TerrainInfo"),
     "TerrainReport": ("terrain_build", "TerrainReport"),
     "TerrainSampleReport": ("terrain_sample", "TerrainSampleReport"),
+    "build_points": ("points_build", "build_points"),
     "elevation_info": ("terrain_info", "elevation_info"),
     "ingest": ("build", "ingest"),
     "ingest_terrain": ("terrain_build", "ingest_terrain"),

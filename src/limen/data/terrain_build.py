@@ -28,9 +28,10 @@ from limen.data.terrain_file import is_terrain_folder
 from limen.data.terrain_kernels import MOST_CODE
 from limen.data.terrain_pages import MARGIN, PageWriter, Scale
 from limen.data.terrain_patches import TABLES, PatchWriter, Tables, triangles_at
-from limen.data.terrain_store import BLOCK, FILES, Header, Source, create_posts, create_table, list_files
+from limen.data.terrain_store import BLOCK, Header, Source, create_posts
 from limen.data.tin_tree import grow_tree
 from limen.data.voids import CELL, REACH, complete, fill, pull
+from limen.data.zarr_folder import FILES, create_table, list_files
 from limen.errors import FormatError, InputError, StorageError
 
 __all__ = ["TerrainReport", "code_range_m", "error_ladder_m", "ingest_terrain"]

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import zarr
 from numpy.typing import NDArray
@@ -19,9 +16,10 @@ from limen.data.pages import PAGE, Pyramid
 from limen.data.terrain import Nodes, Patch, PatchTable
 from limen.data.terrain_info import TerrainInfo
 from limen.data.terrain_patches import TABLES, Places, decode_patch, triangles_at
-from limen.data.terrain_store import FILES, KINDS, POSTS_A_CHUNK, VERSION, Header, list_files
+from limen.data.terrain_store import KINDS, POSTS_A_CHUNK, VERSION, Header
 from limen.data.tin_tree import exact_patch
-from limen.errors import FormatError, InputError, MissingFileError, PageError
+from limen.data.zarr_folder import checked_header, is_group_folder, list_files, opening, reading, table_of
+from limen.errors import InputError
 
 __all__ = ["Terrain", "TerrainPages", "is_terrain_folder"]
 
@@ -46,7 +44,7 @@ class TerrainPages:
         """
         level, column, row = self.pyramid.page_of(int(page))
         what = f"the page of {self.kind} at level {level}, column {column}, row {row}"
-        with _reading(self.path, what):
+        with reading(self.path, what):
             return np.array(self.levels[level][row, column], dtype=np.uint8)
 
 
@@ -79,11 +77,11 @@ class Terrain:
         Raises MissingFileError, or FormatError if it is none, damaged, or copied in part.
         """
         path = Path(path)
-        header = _checked_header(path)
+        header = checked_header(path, Header, VERSION, "terrain", "limen ingest DEM.tif NAME.terrain")
         pyramid = Pyramid.of(header.size_posts)
-        with _opening(path):
+        with opening(path):
             group = zarr.open_group(path, mode="r", zarr_format=3)
-            tables = {name: [_table(group, f"{name}/{field}") for field in fields] for name, fields in TABLES.items()}
+            tables = {name: [table_of(group, f"{name}/{field}") for field in fields] for name, fields in TABLES.items()}
             relief, heights = (
                 TerrainPages(
                     path, kind, pyramid, tuple(group[f"{kind}/{level}"] for level in range(len(pyramid.levels)))
@@ -192,12 +190,12 @@ class Terrain:
         return out
 
     def _read(self, name: str, array: Any, y: int, x: int) -> Any:
-        with _reading(self.path, f"the posts ({name}) from column {x}, row {y} on"):
+        with reading(self.path, f"the posts ({name}) from column {x}, row {y} on"):
             return np.asarray(array[y : y + POSTS_A_CHUNK, x : x + POSTS_A_CHUNK])
 
     def _chunk(self, name: str, chunk: int) -> Any:
         def decode() -> Any:
-            with _reading(self.path, f"chunk {chunk} of the patches' {name}"):
+            with reading(self.path, f"chunk {chunk} of the patches' {name}"):
                 return np.asarray(self._chunks[name][chunk])
 
         return self._chunk_cache.get((name, chunk), decode)
@@ -229,51 +227,4 @@ class Terrain:
 
 def is_terrain_folder(path: Path) -> bool:
     """Whether ``path`` is a folder that says it is a terrain."""
-    return path.is_dir() and (path / FILES).is_file() and (path / "zarr.json").is_file()
-
-
-def _checked_header(path: Path) -> Header:
-    if not path.exists():
-        raise MissingFileError(f"{path}: there is no such folder")
-    if not is_terrain_folder(path):
-        raise FormatError(f"{path}: is no terrain, or copied in part; make one with: limen ingest DEM.tif NAME.terrain")
-    try:
-        listed = msgspec.json.decode((path / FILES).read_bytes(), type=dict[str, int])
-        attributes = msgspec.json.decode((path / "zarr.json").read_bytes())["attributes"]
-        if attributes["limen"]["version"] != VERSION:
-            raise FormatError(f"{path}: was made by another version of limen; ingest its source again")
-        header = msgspec.convert(attributes["limen"], type=Header)
-    except (msgspec.DecodeError, msgspec.ValidationError, KeyError, TypeError, OSError) as error:
-        raise FormatError(f"{path}: its description is damaged ({_one_line(error)}); copy it again") from error
-    found = list_files(path)
-    wrong = sorted(name for name, size in listed.items() if found.get(name) != size)
-    if wrong:
-        raise FormatError(
-            f"{path}: {len(wrong)} of its {len(listed)} files are missing or cut short ({wrong[0]}); copy it again"
-        )
-    return header
-
-
-def _table(group: zarr.Group, name: str) -> Any:
-    array: Any = group[name]
-    return np.asarray(array[...])
-
-
-@contextlib.contextmanager
-def _opening(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except Exception as error:  # Zarr and its codecs raise whatever they like
-        raise FormatError(f"{path}: its tables cannot be read ({_one_line(error)}); copy it again") from error
-
-
-@contextlib.contextmanager
-def _reading(path: Path, what: str) -> Iterator[None]:
-    try:
-        yield
-    except Exception as error:
-        raise PageError(f"{path}: {what} cannot be read ({_one_line(error)}); copy it again") from error
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    return is_group_folder(path)

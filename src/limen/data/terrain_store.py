@@ -19,14 +19,13 @@ Every chunk ends with a checksum (CRC-32C).
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import zarr
-from zarr.codecs import BloscCodec, Crc32cCodec
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.data.zarr_folder import create_array
 
 __all__ = [
     "BLOCK",
@@ -34,7 +33,6 @@ __all__ = [
     "CHUNK_TRIANGLES",
     "CHUNK_VERTICES",
     "EDGE",
-    "FILES",
     "KINDS",
     "POSTS_A_CHUNK",
     "VERSION",
@@ -43,12 +41,9 @@ __all__ = [
     "create_chunks",
     "create_pages",
     "create_posts",
-    "create_table",
-    "list_files",
 ]
 
 VERSION = 1
-FILES = "files.json"
 
 BLOCK = 4096
 """Posts along the edge of a block: a root of the quadtree, a shard of pages, and a shard of heights."""
@@ -99,28 +94,9 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
     source: Source
 
 
-def _codecs(item_bytes: int) -> list[Any]:
-    """Bytes of equal weight side by side, then Zstandard: what differs little from post to post becomes small."""
-    return [BloscCodec(typesize=item_bytes, cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()]
-
-
-def _create(group: zarr.Group, name: str, shape: Any, dtype: Any, chunks: Any, shards: Any, item_bytes: int) -> Any:
-    return group.create_array(
-        name,
-        shape=shape,
-        dtype=dtype,
-        chunks=chunks,
-        shards=shards,
-        compressors=_codecs(item_bytes),
-        fill_value=0,
-        # An absent chunk would read as zeros: as if there were data.
-        config={"write_empty_chunks": True},
-    )
-
-
 def create_posts(group: zarr.Group, size_posts: tuple[int, int], dtype: Any, name: str = "posts/heights") -> Any:
     shard = tuple(min(BLOCK, -(-size // POSTS_A_CHUNK) * POSTS_A_CHUNK) for size in size_posts[::-1])
-    return _create(group, name, size_posts[::-1], dtype, (POSTS_A_CHUNK,) * 2, shard, dtype.itemsize)
+    return create_array(group, name, size_posts[::-1], dtype, (POSTS_A_CHUNK,) * 2, shard, dtype.itemsize)
 
 
 def create_pages(group: zarr.Group, kind: str, pyramid: Pyramid) -> list[Any]:
@@ -129,7 +105,9 @@ def create_pages(group: zarr.Group, kind: str, pyramid: Pyramid) -> list[Any]:
     for number, level in enumerate(pyramid.levels):
         pages = level.rows, level.columns
         shard = tuple(min(_PAGES_A_SHARD, count) for count in pages)
-        arrays.append(_create(group, f"{kind}/{number}", (*pages, *page), "uint8", (1, 1, *page), (*shard, *page), 4))
+        arrays.append(
+            create_array(group, f"{kind}/{number}", (*pages, *page), "uint8", (1, 1, *page), (*shard, *page), 4)
+        )
     return arrays
 
 
@@ -141,17 +119,6 @@ def create_chunks(group: zarr.Group, heights_dtype: Any, chunks_a_shard: int) ->
         "triangles": ((CHUNK_TRIANGLES, 3), "uint16", 2),
     }
     return {
-        name: _create(group, f"chunks/{name}", (0, *tail), dtype, (1, *tail), (chunks_a_shard, *tail), item_bytes)
+        name: create_array(group, f"chunks/{name}", (0, *tail), dtype, (1, *tail), (chunks_a_shard, *tail), item_bytes)
         for name, (tail, dtype, item_bytes) in tails.items()
     }
-
-
-def create_table(group: zarr.Group, name: str, table: Any) -> None:
-    array = _create(group, name, table.shape, table.dtype, table.shape, None, table.dtype.itemsize)
-    array[...] = table
-
-
-def list_files(folder: Path) -> dict[str, int]:
-    """Every file below ``folder`` but the list itself, and its size in bytes."""
-    files = (path for path in folder.rglob("*") if path.is_file() and path.name != FILES)
-    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}

@@ -1,0 +1,107 @@
+"""The order of points along Hilbert's curve: keys, and a radix sort by them.
+
+References
+----------
+Hamilton 2006, *Compact Hilbert Indices*, Dalhousie University CS-2006-07, section 2 (entry points and directions).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["DIGIT_BITS", "KEY_LEVELS", "LATTICE_BITS", "hilbert_keys", "sort_digit"]
+
+LATTICE_BITS = 30
+"""Places are whole numbers below ``2**30`` along each axis."""
+
+KEY_LEVELS = 21
+"""Levels that fit a 64-bit key, three bits each."""
+
+DIGIT_BITS = 11
+"""Bits that one pass of the sort looks at: counters of all digits stay in the first cache."""
+
+
+def _steps() -> NDArray[np.uint8]:
+    """What to do at an octant: shape (192,), at ``8 * state + octant`` (x the lowest bit) the octant's number along
+    the curve; shape (384,) with the state inside the octant behind it.
+
+    A state is where the curve enters a cube (a corner, 3 bits) and along which axis it leaves (Hamilton 2006, lemmas
+    2.6 and 2.8): 24 of them.
+    """
+    gray = [i ^ (i >> 1) for i in range(8)]
+    number_of_gray = {code: i for i, code in enumerate(gray)}
+    entry = [0, *(gray[2 * ((i - 1) // 2)] for i in range(1, 8))]
+    trailing = [(~i & (i + 1)).bit_length() - 1 for i in range(8)]  # set bits at the low end of i
+    axis = [0, *(trailing[i - 1 if i % 2 == 0 else i] % 3 for i in range(1, 8))]
+    numbers, states = np.empty(192, np.uint8), np.empty(192, np.uint8)
+    for start in range(8):
+        for leaves in range(3):
+            turn = leaves + 1
+            for octant in range(8):
+                number = number_of_gray[_rotated(octant ^ start, -turn)]
+                inside = start ^ _rotated(entry[number], turn), (leaves + axis[number] + 1) % 3
+                at = 8 * (3 * start + leaves) + octant
+                numbers[at], states[at] = number, 3 * inside[0] + inside[1]
+    return np.concatenate([numbers, states])
+
+
+def _rotated(bits: int, left: int) -> int:
+    """Three bits turned to the left."""
+    left %= 3
+    return ((bits << left) | (bits >> (3 - left))) & 7
+
+
+def _double_steps() -> NDArray[np.uint16]:
+    """Two levels at once: at ``64 * state + 8 * octant + octant inside`` six bits of key, the state above them."""
+    one = _steps().astype(np.uint16)
+    number, state = one[:192].reshape(24, 8), one[192:].reshape(24, 8)
+    first = np.repeat(np.arange(8), 8)
+    second = np.tile(np.arange(8), 8)
+    between = state[:, first]
+    return (state[between, second] << 6 | number[:, first] << 3 | number[between, second]).astype(np.uint16).ravel()
+
+
+_STEPS = _steps()
+_DOUBLE = _double_steps()
+
+
+@njit(cache=True, nogil=True)
+def hilbert_keys(places: Any, levels: int, keys: Any) -> None:
+    """Keys (N,) uint64 of ``3 * levels`` bits, for the top bits of places (N, 3) int32 on the lattice."""
+    pairs, odd = levels // 2, levels % 2
+    for i in range(places.shape[0]):
+        x, y, z = np.uint32(places[i, 0]), np.uint32(places[i, 1]), np.uint32(places[i, 2])
+        key, state, shift = np.uint64(0), np.uint32(0), LATTICE_BITS - 2
+        for _ in range(pairs):
+            a, b, c = (x >> shift) & 3, (y >> shift) & 3, (z >> shift) & 3
+            both = (a >> 1 | (b >> 1) << 1 | (c >> 1) << 2) << 3 | (a & 1 | (b & 1) << 1 | (c & 1) << 2)
+            step = np.uint32(_DOUBLE[state * 64 + both])
+            key = key << np.uint64(6) | np.uint64(step & 63)
+            state = step >> 6
+            shift -= 2
+        if odd:
+            shift += 1
+            octant = (x >> shift) & 1 | ((y >> shift) & 1) << 1 | ((z >> shift) & 1) << 2
+            key = key << np.uint64(3) | np.uint64(_STEPS[state * 8 + octant])
+        keys[i] = key
+
+
+@njit(cache=True, nogil=True)
+def sort_digit(keys: Any, order: Any, shift: int, keys_out: Any, order_out: Any) -> None:
+    """One stable pass by the `DIGIT_BITS` bits of keys (N,) from ``shift`` on; ``order`` (N,) goes along."""
+    begin = np.zeros((1 << DIGIT_BITS) + 1, np.int64)
+    mask, down = np.uint64((1 << DIGIT_BITS) - 1), np.uint64(shift)
+    for i in range(keys.shape[0]):
+        begin[np.int64((keys[i] >> down) & mask) + 1] += 1
+    for digit in range(1 << DIGIT_BITS):
+        begin[digit + 1] += begin[digit]
+    for i in range(keys.shape[0]):
+        own = np.int64((keys[i] >> down) & mask)
+        to = begin[own]
+        begin[own] = to + 1
+        keys_out[to] = keys[i]
+        order_out[to] = order[i]

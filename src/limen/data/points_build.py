@@ -1,0 +1,95 @@
+"""Clouds of points made ready: in memory, or from a file of any size into a folder."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from limen.data.point_nodes import CHUNK_NODES, LEVEL_BEGIN, NODE
+from limen.data.point_tops import tops_of
+from limen.data.points_file import Points
+from limen.data.points_store import PointsHeader
+from limen.data.points_tree import Lattice, arranged, chunks_of, pack_points
+from limen.errors import InputError
+
+__all__ = ["build_points"]
+
+_NEUTRAL = 204
+"""Grey of points whose source says nothing about colour."""
+
+
+def build_points(
+    positions: ArrayLike,
+    rgb: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+    intensity: ArrayLike | None = None,
+    *,
+    unit_m: float | None = 1.0,
+) -> Points:
+    """A cloud of points in memory.
+
+    Parameters
+    ----------
+    positions
+        (N, 3), at least one point.
+    rgb
+        (N, 3) sRGB, 0 ... 255; grey without.
+    normals
+        (N, 3), pointing outwards, of any length; zero where one is unknown.
+    intensity
+        (N,), 0 ... 255.
+    unit_m
+        Metres of the positions' unit; None if nobody knows.
+
+    Raises
+    ------
+    InputError
+        If there are no points, positions are not finite, or the shapes do not fit.
+    """
+    places = np.asarray(positions, dtype=float)
+    if places.ndim != 2 or places.shape[1] != 3 or not len(places):
+        raise InputError(f"positions must be of shape (N, 3) with at least one point, got {places.shape}")
+    if not np.isfinite(places).all():
+        raise InputError(f"{(~np.isfinite(places).all(axis=1)).sum()} of {len(places)} positions are not finite")
+    count = len(places)
+    colours = np.full((count, 3), _NEUTRAL, np.uint8) if rgb is None else _bytes("rgb", rgb, (count, 3))
+    grey = None if intensity is None else _bytes("intensity", intensity, (count,))
+    given = None if normals is None else np.asarray(normals, dtype=float)
+    if given is not None and given.shape != places.shape:
+        raise InputError(f"normals must be of shape {places.shape}, got {given.shape}")
+    least, most = places.min(axis=0), places.max(axis=0)
+    lattice, origin = Lattice.around(least, most), (least + most) / 2
+    points, radii = arranged(pack_points(lattice, places, colours, grey, given), lattice.step)
+    chunks = chunks_of(points, radii, lattice, origin, two_sided=False)
+    chunks.nodes["contrast"][:, : LEVEL_BEGIN[0]] = 255
+    tops = tops_of(chunks.nodes[:, LEVEL_BEGIN[4]], chunks.frames, count, two_sided=False)
+    for level in tops:
+        level["contrast"] = 255
+    header = PointsHeader(
+        points=count,
+        bounds=(_triple(least), _triple(most)),
+        origin=_triple(origin),
+        two_sided=False,
+        colours="none" if rgb is None else "given",
+        normals="none" if normals is None else "given",
+        has_intensity=intensity is not None,
+        unit_m=unit_m,
+    )
+    stored = chunks.nodes.view(np.uint8).reshape(len(chunks.nodes), CHUNK_NODES, NODE.itemsize)
+    return Points(None, header, tops, chunks.frames, stored)
+
+
+def _bytes(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    values = np.asarray(given)
+    if values.shape != shape or values.dtype.kind not in "iu":
+        raise InputError(f"{name} must be whole numbers of shape {shape}, got {values.dtype} {values.shape}")
+    if values.min() < 0 or values.max() > 255:
+        raise InputError(f"{name} must lie in 0 ... 255, got {values.min()} ... {values.max()}")
+    return values.astype(np.uint8)
+
+
+def _triple(values: NDArray[Any]) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

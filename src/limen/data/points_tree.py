@@ -1,0 +1,154 @@
+"""From points to chunks and tops: ordered along a curve, split, and summed up, all in memory.
+
+Places are whole numbers on a **lattice**: a cube of ``2**30`` steps an edge around the cloud.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.hilbert_kernels import DIGIT_BITS, KEY_LEVELS, LATTICE_BITS, hilbert_keys, sort_digit
+from limen.data.point_group_kernels import arrange
+from limen.data.point_node_kernels import NO_NORMAL, build_chunks
+from limen.data.point_nodes import CHUNK_NODES, CHUNK_POINTS, NODE, ChunkFrame
+from limen.data.resample import LINEAR_OF_SRGB, SRGB_OF_LINEAR
+from limen.geometry import Floats
+
+__all__ = ["POINT", "Chunks", "Lattice", "arranged", "chunks_of", "hilbert_order", "pack_normals", "pack_points"]
+
+POINT = np.dtype(
+    [
+        ("place", "<i4", 3),  # on the lattice
+        ("rgb", "u1", 3),
+        ("intensity", "u1"),
+        ("normal", "i1", 2),  # octahedral; `NO_NORMAL` twice where nothing is known
+        ("spare", "u1", 2),
+    ]
+)
+"""A point on its way, 20 bytes."""
+
+_COARSE_LEVELS = 11
+_LONG_RUN = 64
+
+
+class Lattice(NamedTuple):
+    """Where whole numbers lie: ``low + step * place``, in the file's coordinates and unit."""
+
+    low: Floats  # (3,)
+    step: float
+
+    @classmethod
+    def around(cls, least: Floats, most: Floats) -> Lattice:
+        """The lattice of a box, both corners (3,)."""
+        widest = float((most - least).max())
+        return cls(np.asarray(least, dtype=float), widest / ((1 << LATTICE_BITS) - 1) if widest > 0.0 else 1.0)
+
+    def places_of(self, positions: Floats) -> NDArray[np.int32]:
+        """The nearest places of positions (N, 3); what lies outside is moved to the border."""
+        places = np.rint((positions - self.low) / self.step)
+        return np.clip(places, 0, (1 << LATTICE_BITS) - 1).astype(np.int32)
+
+
+class Chunks(NamedTuple):
+    """Consecutive chunks: nodes (C, 4681), zeros beyond the last point, and their frames."""
+
+    nodes: NDArray[Any]
+    frames: ChunkFrame
+
+
+def pack_normals(normals: NDArray[Any]) -> NDArray[np.int8]:
+    """Octahedral codes (N, 2) of vectors (N, 3) of any length; `NO_NORMAL` where one is zero or not finite.
+
+    References
+    ----------
+    Cigolle et al. 2014, see `limen.data.point_nodes.unpacked_normal`.
+    """
+    given = np.asarray(normals, dtype=float)
+    total = np.abs(given).sum(axis=1)
+    known = np.isfinite(total) & (total > 0.0)
+    x, y, z = (given[known] / total[known, None]).T
+    fold_x, fold_y = (1 - np.abs(y)) * np.copysign(1.0, x), (1 - np.abs(x)) * np.copysign(1.0, y)
+    codes = np.full((len(given), 2), NO_NORMAL, np.int8)
+    codes[known] = np.rint(127.0 * np.stack([np.where(z < 0, fold_x, x), np.where(z < 0, fold_y, y)], axis=1))
+    return codes
+
+
+def pack_points(
+    lattice: Lattice,
+    positions: Floats,
+    rgb: NDArray[np.uint8],
+    intensity: NDArray[np.uint8] | None = None,
+    normals: NDArray[Any] | None = None,
+) -> NDArray[Any]:
+    """Points (N,) of dtype `POINT`: positions (N, 3) in the file's coordinates, sRGB (N, 3), normals (N, 3)."""
+    points = np.zeros(len(positions), POINT)
+    points["place"] = lattice.places_of(positions)
+    points["rgb"] = rgb
+    points["intensity"] = 0 if intensity is None else intensity
+    points["normal"] = NO_NORMAL if normals is None else pack_normals(normals)
+    return points
+
+
+def hilbert_order(places: NDArray[np.int32]) -> NDArray[np.uint32]:
+    """Numbers (N,) of places (N, 3) along Hilbert's curve: 11 levels, and all 21 where points are much denser
+    somewhere than elsewhere.
+    """
+    keys, order = _sorted_keys(places, _COARSE_LEVELS)
+    ends = np.flatnonzero(np.diff(keys)) + 1
+    runs = np.diff(ends, prepend=0, append=len(keys))
+    if runs[runs > _LONG_RUN].sum() > 0.01 * len(keys):
+        _, order = _sorted_keys(places, KEY_LEVELS)
+    return order
+
+
+def _sorted_keys(places: NDArray[np.int32], levels: int) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
+    keys = np.empty(len(places), np.uint64)
+    hilbert_keys(places, levels, keys)
+    order = np.arange(len(places), dtype=np.uint32)
+    spare_keys, spare_order = np.empty_like(keys), np.empty_like(order)
+    for shift in range(0, 3 * levels, DIGIT_BITS):
+        sort_digit(keys, order, shift, spare_keys, spare_order)
+        keys, order, spare_keys, spare_order = spare_keys, spare_order, keys, order
+    return keys, order
+
+
+def _views(points: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Places (N, 3), and the bytes behind them (N, 8)."""
+    return points["place"], points.view(np.uint8).reshape(len(points), POINT.itemsize)[:, 12:]
+
+
+def arranged(points: NDArray[Any], step: float) -> tuple[NDArray[Any], NDArray[np.float32]]:
+    """Points (N,) along the curve, each 64 of them split into eights, and their radii (N,) in metres."""
+    order = hilbert_order(points["place"])
+    tidy, radii = np.empty_like(points), np.empty(len(points), np.float32)
+    arrange(*_views(points), order, step, *_views(tidy), radii)
+    return tidy, radii
+
+
+def chunks_of(
+    points: NDArray[Any], radii: NDArray[np.float32], lattice: Lattice, origin: Floats, two_sided: bool
+) -> Chunks:
+    """Chunks of arranged points (N,), every 4096 of them; contrasts are still 0.
+
+    ``origin`` (3,) is the cloud's; ``two_sided``: normals may point to either side.
+    """
+    count = -(-len(points) // CHUNK_POINTS)
+    nodes = np.zeros((count, CHUNK_NODES), NODE)
+    frames = np.zeros((count, 5), np.float32)
+    build_chunks(
+        *_views(points),
+        radii,
+        lattice.step,
+        np.asarray(lattice.low - origin, dtype=float),
+        two_sided,
+        LINEAR_OF_SRGB,
+        SRGB_OF_LINEAR,
+        nodes.view(np.uint16).reshape(count, CHUNK_NODES, -1),
+        nodes["normal"],
+        nodes.view(np.uint8).reshape(count, CHUNK_NODES, -1),
+        frames,
+    )
+    return Chunks(nodes, ChunkFrame(frames[:, :3].copy(), frames[:, 3].copy(), frames[:, 4].copy()))
