@@ -13,7 +13,7 @@ from numba import njit
 
 from limen.data.point_nodes import ALL_AROUND, CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, FAN, LEVEL_BEGIN
 
-__all__ = ["NO_NORMAL", "RADIUS_STEPS", "build_chunks"]
+__all__ = ["NO_NORMAL", "RADIUS_STEPS", "build_chunks", "pack_normal"]
 
 NO_NORMAL = -128
 """In place of an octahedral code, where nothing is known."""
@@ -25,9 +25,8 @@ _BEGIN = LEVEL_BEGIN
 _SLACK = 1.0 + 1e-6
 """Radii are kept in float32, and so are the frames that places are read with."""
 
-_NO_EXPONENT = -(1 << 20)
 _CONES_A_RADIAN = 254.0 / np.pi
-_BLIND = 254
+_BLIND = 254.0
 """Cone of a node that has a mean normal, and may face any way."""
 
 
@@ -61,11 +60,11 @@ def _frame(places: Any, begin: int, end: int, step: float, low: Any, frame: Any,
 
 
 @njit(cache=True, nogil=True)
-def _exponent(radius: float, least: int) -> int:
-    """The smallest e with ``2 ** (e / 12) >= radius``, no less than ``least``."""
+def _code_of(radius: float, largest: float) -> int:
+    """The smallest code that stands for no less than a radius, where 255 is ``largest``; 0 for none."""
     if radius <= 0.0:
-        return _NO_EXPONENT
-    return max(int(np.ceil(np.log2(radius) * RADIUS_STEPS)), least)
+        return 0
+    return max(255 + int(np.ceil(np.log2(radius / largest) * RADIUS_STEPS)), 1)
 
 
 @njit(cache=True, nogil=True)
@@ -87,37 +86,37 @@ def _sphere(at: Any, radius: Any, first: int, last: int, node: int, codes: Any) 
 
 
 @njit(cache=True, nogil=True)
-def _spheres(radii: Any, begin: int, counts: Any, frame: Any, at: Any, codes: Any, bytes_out: Any) -> None:
-    """Places and radii of all nodes, bottom up. Radii are powers of the twelfth root of 2, in metres."""
+def _spheres(radii: Any, begin: int, counts: Any, frame: Any, at: Any, codes: Any, scale: Any, bytes_out: Any) -> None:
+    """Places and radii of all nodes, bottom up; radii are rounded up to codes. ``scale`` (256,) is overwritten."""
     step = np.float64(frame[3])
     radius = np.zeros(CHUNK_NODES, np.float32)  # in steps
-    exponent = np.full(CHUNK_NODES, _NO_EXPONENT, np.int64)
-    largest = 0.0
+    code_of = np.zeros(CHUNK_NODES, np.int64)
+    largest = np.float32(0.0)
     for i in range(counts[0]):
-        largest = max(largest, np.float64(radii[begin + i]))
-    # No sphere is wider than twice what holds all points, and 254 steps below that there is nothing to be seen.
-    least = _exponent(2.0 * (65535.0 * 1.75 * step + largest), _NO_EXPONENT) - 253
+        largest = max(largest, radii[begin + i])
+    # No sphere is wider than twice what holds all points: this is code 255 until the largest is known.
+    bound = 2.0 * (65535.0 * 1.75 * step + np.float64(largest))
+    for code in range(1, 256):
+        scale[code] = np.float32(bound * 2.0 ** ((code - 255) / RADIUS_STEPS) / step * _SLACK)
+    top = 0
     for i in range(counts[0]):
-        e = _exponent(np.float64(radii[begin + i]), least)
-        exponent[_BEGIN[0] + i] = e
-        if e > _NO_EXPONENT:
-            radius[_BEGIN[0] + i] = np.float32(2.0 ** (e / RADIUS_STEPS) / step * _SLACK)
-    top = _NO_EXPONENT
+        code = _code_of(np.float64(radii[begin + i]), bound)
+        code_of[_BEGIN[0] + i] = code
+        radius[_BEGIN[0] + i] = scale[code]
     for level in range(1, CHUNK_LEVEL + 1):
         for i in range(counts[level]):
             node = _BEGIN[level] + i
             first = _BEGIN[level - 1] + FAN * i
             last = _BEGIN[level - 1] + min(FAN * i + FAN, counts[level - 1])
-            e = _exponent(_sphere(at, radius, first, last, node, codes) * step * _SLACK, least)
-            exponent[node] = e
-            if e > _NO_EXPONENT:
-                radius[node] = np.float32(2.0 ** (e / RADIUS_STEPS) / step * _SLACK)
-            top = max(top, e)
-    frame[4] = np.float32(2.0 ** (top / RADIUS_STEPS)) if top > _NO_EXPONENT else np.float32(0.0)
+            code = _code_of(_sphere(at, radius, first, last, node, codes) * step * _SLACK, bound)
+            code_of[node] = code
+            radius[node] = scale[code]
+            top = max(top, code)
+    frame[4] = np.float32(bound * 2.0 ** ((top - 255) / RADIUS_STEPS)) if top > 0 else np.float32(0.0)
     for level in range(CHUNK_LEVEL + 1):
         for node in range(_BEGIN[level], _BEGIN[level] + counts[level]):
-            if exponent[node] > _NO_EXPONENT:
-                bytes_out[node, 6] = 255 - (top - exponent[node])
+            if code_of[node] > 0:
+                bytes_out[node, 6] = 255 - (top - code_of[node])
 
 
 @njit(cache=True, nogil=True)
@@ -156,7 +155,7 @@ def _unpack(u: int, v: int, normal: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _pack(x: float, y: float, z: float, out: Any) -> None:
+def pack_normal(x: float, y: float, z: float, out: Any) -> None:
     """The octahedral code of a vector of any length but zero."""
     scale = 1.0 / (abs(x) + abs(y) + abs(z))
     x, y, z = x * scale, y * scale, z * scale
@@ -181,7 +180,7 @@ def _mean_normal(normal: Any, weight: Any, first: int, last: int, two_sided: boo
 
 @njit(cache=True, nogil=True)
 def _half_angle(normal: Any, cone: Any, weight: Any, first: int, last: int, axis: Any, two_sided: bool) -> float:
-    """Of a cone about ``axis`` that holds those of the children that have one."""
+    """Of a cone about ``axis`` that holds those of the children that have one: unknown normals have no say."""
     widest = 0.0
     for i in range(first, last):
         if weight[i] > 0.0:
@@ -212,14 +211,14 @@ def _cones(counts: Any, two_sided: bool, octahedral: Any, out: Any) -> None:
             below = min(FAN**level, counts[0] - FAN**level * i)
             if known * 2.0 < below or abs(mean[0]) + abs(mean[1]) + abs(mean[2]) < 1e-6 * known:
                 continue
-            _pack(mean[0], mean[1], mean[2], octahedral[node])
+            pack_normal(mean[0], mean[1], mean[2], octahedral[node])
             _unpack(octahedral[node, 0], octahedral[node, 1], normal[node])
             weight[node] = known
             code = np.ceil(
                 _half_angle(normal, cone, weight, first, last, normal[node], two_sided) * _CONES_A_RADIAN + 1e-6
             )
-            if known < below or code >= (127.0 if two_sided else 254.0):
-                code = 254.0
+            if code >= (127.0 if two_sided else 254.0):
+                code = _BLIND
             out[node, 10] = np.uint8(code)
             cone[node] = code / _CONES_A_RADIAN
 
@@ -237,6 +236,7 @@ def build_chunks(
     zeroed nodes; ``frames`` is (C, 5) float32: origin, step, largest radius. Contrasts are left at 0.
     """
     at = np.zeros((CHUNK_NODES, 3), np.float32)
+    scale = np.zeros(256, np.float32)
     counts = np.zeros(CHUNK_LEVEL + 1, np.int64)
     for chunk in range(out.shape[0]):
         begin = chunk * CHUNK_POINTS
@@ -248,7 +248,7 @@ def build_chunks(
             for node in range(_BEGIN[level], _BEGIN[level] + counts[level]):
                 out[chunk, node, 10] = ALL_AROUND
         _frame(places, begin, end, step, low, frames[chunk], at, codes[chunk])
-        _spheres(radii, begin, counts, frames[chunk], at, codes[chunk], out[chunk])
+        _spheres(radii, begin, counts, frames[chunk], at, codes[chunk], scale, out[chunk])
         _colours(rows, begin, counts, light, codes_of_light, out[chunk])
         known = False
         for i in range(counts[0]):

@@ -6,7 +6,7 @@ level 4 that they all hang from, are a **chunk**: what is stored, read and evict
 full. Nodes of level 4 and above are few; as **tops** they are always in memory.
 
 Every node is a sphere that holds those of its children; a mean colour and normal; the half angle of a cone about that
-normal that holds all normals below; and the contrast of its luminance to that of everything its sphere meets.
+normal that holds all normals below that are known; and the contrast of its luminance to that of everything its sphere meets.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ NODE = np.dtype(
 """A node in a chunk, 16 bytes: also what a shader reads, as four little-endian words."""
 
 ALL_AROUND = 255
-"""Cone of a node whose normals are unknown, or point everywhere: it is neither front nor back, and drawn unlit."""
+"""Cone of a node most of whose points have no known normal: it is neither front nor back, and drawn unlit. A node that
+has a mean normal, but may face any way, has 254 and is lit.
+"""
 
 TOP = np.dtype(
     [

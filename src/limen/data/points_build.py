@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from limen.data.point_contrast import Neighbourhood, ranges_of
 from limen.data.point_nodes import CHUNK_NODES, LEVEL_BEGIN, NODE
 from limen.data.point_tops import tops_of
 from limen.data.points_file import Points
 from limen.data.points_store import PointsHeader
 from limen.data.points_tree import Lattice, arranged, chunks_of, pack_points
 from limen.errors import InputError
+from limen.vision.luminance import Photometry
 
 __all__ = ["build_points"]
 
@@ -26,7 +28,9 @@ def build_points(
     normals: ArrayLike | None = None,
     intensity: ArrayLike | None = None,
     *,
+    estimate_normals: bool = True,
     unit_m: float | None = 1.0,
+    photometry: Photometry | None = None,
 ) -> Points:
     """A cloud of points in memory.
 
@@ -40,6 +44,10 @@ def build_points(
         (N, 3), pointing outwards, of any length; zero where one is unknown.
     intensity
         (N,), 0 ... 255.
+    estimate_normals
+        Where none are given, make them of neighbours; which side is the front is then unknown (``two_sided``).
+    photometry
+        Of the display that contrasts are meant for; one of 100 cd/m2 that follows sRGB if not given.
     unit_m
         Metres of the positions' unit; None if nobody knows.
 
@@ -61,23 +69,27 @@ def build_points(
         raise InputError(f"normals must be of shape {places.shape}, got {given.shape}")
     least, most = places.min(axis=0), places.max(axis=0)
     lattice, origin = Lattice.around(least, most), (least + most) / 2
-    points, radii = arranged(pack_points(lattice, places, colours, grey, given), lattice.step)
-    chunks = chunks_of(points, radii, lattice, origin, two_sided=False)
-    chunks.nodes["contrast"][:, : LEVEL_BEGIN[0]] = 255
-    tops = tops_of(chunks.nodes[:, LEVEL_BEGIN[4]], chunks.frames, count, two_sided=False)
-    for level in tops:
-        level["contrast"] = 255
+    packed = pack_points(lattice, places, colours, grey, given)
+    points, radii = arranged(packed, lattice.step, estimate=given is None and estimate_normals)
+    two_sided = given is None
+    chunks = chunks_of(points, radii, lattice, origin, two_sided)
+    tops = tops_of(chunks.nodes[:, LEVEL_BEGIN[4]], chunks.frames, count, two_sided)
     header = PointsHeader(
         points=count,
         bounds=(_triple(least), _triple(most)),
         origin=_triple(origin),
-        two_sided=False,
+        two_sided=two_sided,
         colours="none" if rgb is None else "given",
-        normals="none" if normals is None else "given",
+        normals="given" if given is not None else "estimated" if estimate_normals else "none",
         has_intensity=intensity is not None,
         unit_m=unit_m,
     )
     stored = chunks.nodes.view(np.uint8).reshape(len(chunks.nodes), CHUNK_NODES, NODE.itemsize)
+    display = photometry or Photometry.srgb()
+    near = Neighbourhood(stored, ranges_of(stored, count, display), chunks.frames, tops, count, display).reader()
+    for chunk in range(len(stored)):
+        chunks.nodes["contrast"][chunk, : LEVEL_BEGIN[0]] = near.of(chunk)
+    tops[0]["contrast"] = chunks.nodes["contrast"][:, LEVEL_BEGIN[4]]
     return Points(None, header, tops, chunks.frames, stored)
 
 

@@ -14,6 +14,7 @@ from limen.data.hilbert_kernels import DIGIT_BITS, KEY_LEVELS, LATTICE_BITS, hil
 from limen.data.point_group_kernels import arrange
 from limen.data.point_node_kernels import NO_NORMAL, build_chunks
 from limen.data.point_nodes import CHUNK_NODES, CHUNK_POINTS, NODE, ChunkFrame
+from limen.data.point_normal_kernels import estimate_normals
 from limen.data.resample import LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.geometry import Floats
 
@@ -120,11 +121,16 @@ def _views(points: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
     return points["place"], points.view(np.uint8).reshape(len(points), POINT.itemsize)[:, 12:]
 
 
-def arranged(points: NDArray[Any], step: float) -> tuple[NDArray[Any], NDArray[np.float32]]:
-    """Points (N,) along the curve, each 64 of them split into eights, and their radii (N,) in metres."""
+def arranged(points: NDArray[Any], step: float, *, estimate: bool) -> tuple[NDArray[Any], NDArray[np.float32]]:
+    """Points (N,) along the curve, each 64 of them split into eights, and their radii (N,) in metres.
+
+    With ``estimate`` their normals are made of their neighbours.
+    """
     order = hilbert_order(points["place"])
     tidy, radii = np.empty_like(points), np.empty(len(points), np.float32)
     arrange(*_views(points), order, step, *_views(tidy), radii)
+    if estimate:
+        estimate_normals(tidy["place"], radii, step, tidy["normal"])
     return tidy, radii
 
 
