@@ -12,14 +12,11 @@ from limen.data.point_nodes import CHUNK_NODES, LEVEL_BEGIN, NODE
 from limen.data.point_tops import tops_of
 from limen.data.points_file import Points
 from limen.data.points_store import PointsHeader
-from limen.data.points_tree import Lattice, arranged, chunks_of, pack_points
+from limen.data.points_tree import NEUTRAL, Lattice, arranged, chunks_of, hilbert_order, pack_points
 from limen.errors import InputError
 from limen.vision.luminance import Photometry
 
 __all__ = ["build_points"]
-
-_NEUTRAL = 204
-"""Grey of points whose source says nothing about colour."""
 
 
 def build_points(
@@ -62,7 +59,7 @@ def build_points(
     if not np.isfinite(places).all():
         raise InputError(f"{(~np.isfinite(places).all(axis=1)).sum()} of {len(places)} positions are not finite")
     count = len(places)
-    colours = np.full((count, 3), _NEUTRAL, np.uint8) if rgb is None else _bytes("rgb", rgb, (count, 3))
+    colours = np.full((count, 3), NEUTRAL, np.uint8) if rgb is None else _bytes("rgb", rgb, (count, 3))
     grey = None if intensity is None else _bytes("intensity", intensity, (count,))
     given = None if normals is None else np.asarray(normals, dtype=float)
     if given is not None and given.shape != places.shape:
@@ -70,7 +67,8 @@ def build_points(
     least, most = places.min(axis=0), places.max(axis=0)
     lattice, origin = Lattice.around(least, most), (least + most) / 2
     packed = pack_points(lattice, places, colours, grey, given)
-    points, radii = arranged(packed, lattice.step, estimate=given is None and estimate_normals)
+    order = hilbert_order(packed["place"])
+    points, radii = arranged(packed, order, lattice.step, estimate=given is None and estimate_normals)
     two_sided = given is None
     chunks = chunks_of(points, radii, lattice, origin, two_sided)
     tops = tops_of(chunks.nodes[:, LEVEL_BEGIN[4]], chunks.frames, count, two_sided)

@@ -20,10 +20,10 @@ import zarr
 from limen.data.point_nodes import CHUNK_NODES, NODE
 from limen.data.zarr_folder import create_array
 
-__all__ = ["VERSION", "CloudSource", "PointsHeader", "create_chunks"]
+__all__ = ["CHUNKS_A_SHARD", "VERSION", "CloudSource", "PointsHeader", "create_chunks"]
 
 VERSION = 1
-_CHUNKS_A_SHARD = 64
+CHUNKS_A_SHARD = 64
 
 
 class CloudSource(msgspec.Struct, frozen=True, kw_only=True):
@@ -61,7 +61,7 @@ class PointsHeader(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def create_chunks(group: zarr.Group, chunks: int) -> Any:
-    """The array of all chunks' nodes, to be filled by shards of `shard_chunks`."""
+    """The array of all chunks' nodes, to be filled by shards of `CHUNKS_A_SHARD`."""
     shape = (CHUNK_NODES, NODE.itemsize)
-    shard = min(_CHUNKS_A_SHARD, chunks)
+    shard = min(CHUNKS_A_SHARD, chunks)
     return create_array(group, "chunks", (chunks, *shape), "uint8", (1, *shape), (shard, *shape), NODE.itemsize)

@@ -18,7 +18,17 @@ from limen.data.point_normal_kernels import estimate_normals
 from limen.data.resample import LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.geometry import Floats
 
-__all__ = ["POINT", "Chunks", "Lattice", "arranged", "chunks_of", "hilbert_order", "pack_normals", "pack_points"]
+__all__ = [
+    "NEUTRAL",
+    "POINT",
+    "Chunks",
+    "Lattice",
+    "arranged",
+    "chunks_of",
+    "hilbert_order",
+    "pack_normals",
+    "pack_points",
+]
 
 POINT = np.dtype(
     [
@@ -31,8 +41,11 @@ POINT = np.dtype(
 )
 """A point on its way, 20 bytes."""
 
-_COARSE_LEVELS = 11
-_LONG_RUN = 64
+NEUTRAL = 204
+"""Grey of points whose source says nothing about colour."""
+
+_SORTED_BITS = 33
+_LONG_RUN = 32
 
 
 class Lattice(NamedTuple):
@@ -94,26 +107,32 @@ def pack_points(
 
 
 def hilbert_order(places: NDArray[np.int32]) -> NDArray[np.uint32]:
-    """Numbers (N,) of places (N, 3) along Hilbert's curve: 11 levels, and all 21 where points are much denser
+    """Numbers (N,) of places (N, 3) along Hilbert's curve.
+
+    Eleven levels below the smallest cell that holds all are looked at, and all others where points are much denser
     somewhere than elsewhere.
     """
-    keys, order = _sorted_keys(places, _COARSE_LEVELS)
-    ends = np.flatnonzero(np.diff(keys)) + 1
-    runs = np.diff(ends, prepend=0, append=len(keys))
-    if runs[runs > _LONG_RUN].sum() > 0.01 * len(keys):
-        _, order = _sorted_keys(places, KEY_LEVELS)
-    return order
-
-
-def _sorted_keys(places: NDArray[np.int32], levels: int) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
     keys = np.empty(len(places), np.uint64)
-    hilbert_keys(places, levels, keys)
-    order = np.arange(len(places), dtype=np.uint32)
-    spare_keys, spare_order = np.empty_like(keys), np.empty_like(order)
-    for shift in range(0, 3 * levels, DIGIT_BITS):
-        sort_digit(keys, order, shift, spare_keys, spare_order)
-        keys, order, spare_keys, spare_order = spare_keys, spare_order, keys, order
-    return keys, order
+    hilbert_keys(places, KEY_LEVELS, keys)
+    top = int(keys.min() ^ keys.max()).bit_length()
+    low = max(0, top - _SORTED_BITS)
+    tidy, order = _sorted(keys, low, top)
+    ends = np.flatnonzero(np.diff(tidy >> np.uint64(low))) + 1
+    runs = np.diff(ends, prepend=0, append=len(keys))
+    dense = low > 0 and runs[runs > _LONG_RUN].sum() > 0.01 * len(keys)
+    return _sorted(keys, 0, top)[1] if dense else order
+
+
+def _sorted(keys: NDArray[np.uint64], low: int, top: int) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
+    """Keys in the order of their bits ``low`` to ``top``, and their numbers."""
+    order = np.arange(len(keys), dtype=np.uint32)
+    source, spare_keys, spare_order = keys, np.empty_like(keys), np.empty_like(order)
+    for shift in range(low, top, DIGIT_BITS):
+        sort_digit(source, order, shift, spare_keys, spare_order)
+        # The keys that came are the caller's, and stay as they are.
+        source, spare_keys = spare_keys, np.empty_like(keys) if source is keys else source
+        order, spare_order = spare_order, order
+    return source, order
 
 
 def _views(points: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
@@ -121,13 +140,14 @@ def _views(points: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
     return points["place"], points.view(np.uint8).reshape(len(points), POINT.itemsize)[:, 12:]
 
 
-def arranged(points: NDArray[Any], step: float, *, estimate: bool) -> tuple[NDArray[Any], NDArray[np.float32]]:
-    """Points (N,) along the curve, each 64 of them split into eights, and their radii (N,) in metres.
+def arranged(
+    points: NDArray[Any], order: NDArray[np.uint32], step: float, *, estimate: bool
+) -> tuple[NDArray[Any], NDArray[np.float32]]:
+    """Points in ``order`` (N,), each 64 of them split into eights, and their radii (N,) in the unit of ``step``.
 
     With ``estimate`` their normals are made of their neighbours.
     """
-    order = hilbert_order(points["place"])
-    tidy, radii = np.empty_like(points), np.empty(len(points), np.float32)
+    tidy, radii = np.empty(len(order), points.dtype), np.empty(len(order), np.float32)
     arrange(*_views(points), order, step, *_views(tidy), radii)
     if estimate:
         estimate_normals(tidy["place"], radii, step, tidy["normal"])
