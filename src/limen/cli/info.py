@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import limen.data
+from limen.cli.info_points import tell_points
 from limen.cli.info_terrain import tell_terrain
 from limen.cli.output import DEFAULT, Common, Output
+from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
 
 __all__ = ["info"]
@@ -19,13 +21,18 @@ def info(file: Path, *, common: Common = DEFAULT) -> None:
     ----------
     file
         An image (pyramidal TIFF, slide, Deep Zoom, or any picture), a mesh (PLY, OBJ, GLB, STL, ...), a raster of
-        heights (GeoTIFF, COG, VRT, HGT, ASC, ...), or the folder of a terrain that was made ready.
+        heights (GeoTIFF, COG, VRT, HGT, ASC, ...), a cloud of points (LAS, LAZ, COPC, E57, PLY without faces), or the
+        folder of a terrain or of points that were made ready.
     """
     out = Output(common)
     if is_terrain(file):
         folder = file.suffix.lower() == ".terrain"
         described = limen.data.Terrain.open(file).info() if folder else limen.data.elevation_info(file)
         tell_terrain(out, described, _amount(described.bytes))
+        return
+    if is_points(file):
+        cloud = limen.data.cloud_info(file)
+        tell_points(out, cloud, _amount(cloud.bytes))
         return
     content = limen.data.open(file)
     if isinstance(content, limen.data.Mesh):

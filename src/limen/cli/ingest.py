@@ -1,4 +1,4 @@
-"""``limen ingest``: make an image or a terrain ready."""
+"""``limen ingest``: make an image, a terrain or points ready."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import limen.data
 from limen.cli.output import DEFAULT, Common, Output
+from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
 from limen.errors import InputError
 
@@ -24,16 +25,17 @@ def ingest(
     spacing_m: float | None = None,
     common: Common = DEFAULT,
 ) -> None:
-    """Make an image or a terrain ready: a tiled TIFF with all reduced levels, or a folder with those of heights.
+    """Make an image, a terrain or points ready: a tiled TIFF with all reduced levels, or a folder that holds theirs.
 
     Memory stays bounded for any size. DST appears only when it is complete.
 
     Parameters
     ----------
     src
-        Any image that can be read, or a raster of heights (GeoTIFF, COG, VRT, HGT, ASC, ...).
+        Any image that can be read, a raster of heights (GeoTIFF, COG, VRT, HGT, ASC, ...), or a cloud of points (LAS,
+        LAZ, COPC, E57, PLY without faces).
     dst
-        What to write: NAME.tif for an image, NAME.terrain for heights.
+        What to write: NAME.tif for an image, NAME.terrain for heights, NAME.points for points.
     quality
         Of an image's JPEG tiles, 1 to 100.
     subsampling
@@ -44,13 +46,19 @@ def ingest(
         Metres between its posts, where the file does not say it or is wrong.
     """
     out = Output(common)
-    if dst.suffix.lower() == ".terrain":
-        if (quality, subsampling) != (_QUALITY, _SUBSAMPLING):
-            raise InputError("--quality and --subsampling are of images; heights are kept exactly")
+    kind = dst.suffix.lower()
+    if kind in (".terrain", ".points") and (quality, subsampling) != (_QUALITY, _SUBSAMPLING):
+        raise InputError("--quality and --subsampling are of images; heights and points are kept as they are")
+    if kind == ".terrain":
         _terrain(out, src, dst, band, spacing_m)
         return
     if band is not None or spacing_m is not None:
         raise InputError(f"--band and --spacing-m are of terrains; name DST so: {dst.with_suffix('.terrain')}")
+    if kind == ".points":
+        _points(out, src, dst)
+        return
+    if is_points(src):
+        raise InputError(f"{src}: holds points; to make them ready, name DST so: {dst.with_suffix('.points')}")
     if is_terrain(src):
         raise InputError(f"{src}: holds heights; to make a terrain of it, name DST so: {dst.with_suffix('.terrain')}")
     with out.progress(f"reading {src.name}", 1000) as step:
@@ -75,4 +83,16 @@ def _terrain(out: Output, src: Path, dst: Path, band: int | None, spacing_m: flo
     out.line(
         f"{report.path}: {report.size[0]} x {report.size[1]} posts, {report.triangles:,} triangles at an error of "
         f"{report.error_m:.3g} m, {report.bytes:,} bytes, in {report.seconds:.1f} s with {report.peak_rss_mib:.0f} MiB"
+    )
+
+
+def _points(out: Output, src: Path, dst: Path) -> None:
+    with out.progress(f"reading {src.name}", 1000) as step:
+        report = limen.data.ingest_points(src, dst, progress=lambda done: step.to(round(1000 * done)))
+    for note in report.notes:
+        out.say(f"{src}: {note}")
+    out.result(report)
+    out.line(
+        f"{report.path}: {report.size:,} points in {report.chunks:,} chunks, {report.bytes:,} bytes, "
+        f"in {report.seconds:.1f} s with {report.peak_rss_mib:.0f} MiB"
     )

@@ -10,8 +10,6 @@ from limen.errors import InputError
 
 __all__ = ["sample"]
 
-_LATER = ("points",)
-
 
 def sample(
     kind: str,
@@ -23,19 +21,20 @@ def sample(
     aspect: float | None = None,
     common: Common = DEFAULT,
 ) -> None:
-    """Make deterministic data: an imaginary map with detail at every scale, mountains, or a bumpy torus knot.
+    """Make deterministic data: an imaginary map with detail at every scale, mountains, a scanned hall, or a torus knot.
 
     Parameters
     ----------
     kind
-        What to make: image, terrain or mesh.
+        What to make: image, terrain, points or mesh.
     out
-        The file to write: .tif for an image or a terrain's heights; for a mesh .ply, or .glb with a texture.
+        The file to write: .tif for an image or a terrain's heights; .las, .laz or .ply (with normals) for points; for a
+        mesh .ply, or .glb with a texture.
     gigapixels
         How large an image, in 1e9 texels (1 unless --size is given).
     size
         How wide an image, in texels, instead of --gigapixels; how many posts along each side
-        of a terrain (4096), 30 m apart; how many triangles of a mesh, about (69,716).
+        of a terrain (4096), 30 m apart; how many points (1,000,000); how many triangles of a mesh, about (69,716).
     seed
         Another number, another world.
     aspect
@@ -53,12 +52,24 @@ def sample(
             if gigapixels is not None or aspect is not None:
                 raise InputError("--gigapixels and --aspect are of images; --size says how many posts a side has")
             _terrain(output, out, size, seed)
-        case _ if kind in _LATER:
-            raise InputError(f"sample {kind} is not made yet; image, terrain and mesh are")
+        case "points":
+            if gigapixels is not None or aspect is not None:
+                raise InputError("--gigapixels and --aspect are of images; --size says how many points there are")
+            _points(output, out, size, seed)
         case _:
-            raise InputError(
-                f"there is no sample of kind {kind!r}; the kinds are image, terrain, mesh, {', '.join(_LATER)}"
-            )
+            raise InputError(f"there is no sample of kind {kind!r}; the kinds are image, terrain, points and mesh")
+
+
+def _points(output: Output, out: Path, size: int | None, seed: int) -> None:
+    with output.progress(f"scanning {out.name}", 1000) as step:
+        report = limen.data.sample_points(
+            out, limen.data.HALL_POINTS if size is None else size, seed, lambda done: step.to(round(1000 * done))
+        )
+    output.result(report)
+    output.line(
+        f"{report.path}: {report.size:,} points, {report.bytes:,} bytes, in {report.seconds:.1f} s with "
+        f"{report.peak_rss_mib:.0f} MiB"
+    )
 
 
 def _terrain(output: Output, out: Path, size: int | None, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""Reading and making data: images as pages of a pyramid, meshes as triangles, terrains as both.
+"""Reading and making data: images as pages of a pyramid, meshes as triangles, terrains as both, points as a tree.
 
 What is slow to import (Numba for ``ingest`` and ``sample_image``, the image codecs for ``open``) is imported when it
 is first asked for, so that ``import limen.data`` costs next to nothing.
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
     from limen.data.points_build import build_points
     from limen.data.points_file import Points, PointsInfo
+    from limen.data.points_ingest import PointsReport, ingest_points
+    from limen.data.points_opening import cloud_info, open_points
+    from limen.data.points_sample import HALL_POINTS, PointsSampleReport, sample_points
     from limen.data.sample import SampleReport, sample_image
     from limen.data.terrain_build import TerrainReport, ingest_terrain
     from limen.data.terrain_file import Terrain
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CONTRAST_OF_BYTE",
     "GUTTER",
+    "HALL_POINTS",
     "KNOT_TRIANGLES",
     "NO_TEXTURE",
     "PAGE",
@@ -43,6 +47,8 @@ __all__ = [
     "MeshSampleReport",
     "Points",
     "PointsInfo",
+    "PointsReport",
+    "PointsSampleReport",
     "Pyramid",
     "SampleReport",
     "Terrain",
@@ -50,16 +56,20 @@ __all__ = [
     "TerrainReport",
     "TerrainSampleReport",
     "build_points",
+    "cloud_info",
     "elevation_info",
     "ingest",
+    "ingest_points",
     "ingest_terrain",
     "open",
     "open_mesh",
+    "open_points",
     "open_terrain",
     "page_contrast",
     "ripple",
     "sample_image",
     "sample_mesh",
+    "sample_points",
     "sample_terrain",
     "torus_knot",
 ]
@@ -68,6 +78,7 @@ _HOMES = {
     "CONTRAST_OF_BYTE": ("contrast_file", "CONTRAST_OF_BYTE"),
     "ContrastSurvey": ("contrast", "ContrastSurvey"),
     "GUTTER": ("pages", "GUTTER"),
+    "HALL_POINTS": ("points_sample", "HALL_POINTS"),
     "Image": ("image", "Image"),
     "ImageInfo": ("image", "ImageInfo"),
     "IngestReport": ("build", "IngestReport"),
@@ -80,6 +91,8 @@ _HOMES = {
     "PAGE": ("pages", "PAGE"),
     "Points": ("points_file", "Points"),
     "PointsInfo": ("points_file", "PointsInfo"),
+    "PointsReport": ("points_ingest", "PointsReport"),
+    "PointsSampleReport": ("points_sample", "PointsSampleReport"),
     "Pyramid": ("pages", "Pyramid"),
     "SampleReport": ("sample", "SampleReport"),
     "Terrain": ("terrain_file", "Terrain"),
@@ -87,16 +100,20 @@ _HOMES = {
     "TerrainReport": ("terrain_build", "TerrainReport"),
     "TerrainSampleReport": ("terrain_sample", "TerrainSampleReport"),
     "build_points": ("points_build", "build_points"),
+    "cloud_info": ("points_opening", "cloud_info"),
     "elevation_info": ("terrain_info", "elevation_info"),
     "ingest": ("build", "ingest"),
+    "ingest_points": ("points_ingest", "ingest_points"),
     "ingest_terrain": ("terrain_build", "ingest_terrain"),
     "open": ("opening", "open_content"),
     "open_mesh": ("mesh_file", "open_mesh"),
+    "open_points": ("points_opening", "open_points"),
     "open_terrain": ("terrain_opening", "open_terrain"),
     "page_contrast": ("contrast", "page_contrast"),
     "ripple": ("mesh_sample", "ripple"),
     "sample_image": ("sample", "sample_image"),
     "sample_mesh": ("mesh_sample", "sample_mesh"),
+    "sample_points": ("points_sample", "sample_points"),
     "sample_terrain": ("terrain_sample", "sample_terrain"),
     "torus_knot": ("mesh_sample", "torus_knot"),
 }

@@ -18,6 +18,9 @@ from limen.geometry import Floats
 __all__ = ["Batch", "Cloud", "Stretch", "open_cloud", "reading_cloud", "stretch_of"]
 
 
+_BATCH = 1_000_000
+
+
 class Batch(NamedTuple):
     """Some points, in the file's coordinates and unit; what the file does not have is None."""
 
@@ -59,6 +62,22 @@ class Cloud:
                 yield batch
             elif known.any():
                 yield Batch._make(None if part is None else part[known] for part in batch)
+
+    def found_bounds(self) -> Floats:
+        """Where points lie, (2, 3): all are read for it. Raises FormatError if none is left, as `batches` does else."""
+        bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
+        for batch in self.batches(_BATCH):
+            low, high = batch.positions.min(axis=0), batch.positions.max(axis=0)
+            bounds = np.array([np.minimum(bounds[0], low), np.maximum(bounds[1], high)])
+        if not np.isfinite(bounds).all():
+            raise self.nothing_left()
+        return bounds
+
+    def nothing_left(self) -> FormatError:
+        """What to raise where no point came."""
+        return FormatError(
+            f"{self.path}: none of its {self.count:,} points has a finite position and is valid; export it again"
+        )
 
 
 class Stretch(NamedTuple):

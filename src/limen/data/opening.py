@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
 from limen.data.image import CACHE_BYTES, Image, existing_file, open_image
 from limen.data.mesh import Mesh
@@ -13,6 +14,7 @@ from limen.data.mesh_file import mesh_type, open_mesh
 from limen.errors import FormatError
 
 if TYPE_CHECKING:
+    from limen.data.points_file import Points
     from limen.data.terrain_file import Terrain
 
 __all__ = ["open_content", "open_picture"]
@@ -20,11 +22,11 @@ __all__ = ["open_content", "open_picture"]
 
 def open_content(
     path: str | Path, *, cache_bytes: int = CACHE_BYTES, progress: Callable[[float], None] | None = None
-) -> Image | Mesh | Terrain:
-    """Open a file as what it is: an image, with ``cache_bytes`` for its decoded tiles, a mesh, or a terrain.
+) -> Image | Mesh | Points | Terrain:
+    """Open a file as what it is: an image, with ``cache_bytes`` for its decoded tiles, a mesh, points, or a terrain.
 
-    A raster of heights of up to 64 million posts is made ready in the cache when it is first opened; ``progress`` is
-    called with the fraction done, 0 ... 1.
+    A raster of heights of up to 64 million posts, or a cloud of up to 20 million points, is made ready in the cache
+    when it is first opened; ``progress`` is called with the fraction done, 0 ... 1.
 
     Raises
     ------
@@ -37,6 +39,10 @@ def open_content(
         from limen.data.terrain_opening import open_terrain  # GDAL, Zarr and Numba take a second
 
         return open_terrain(path, progress=progress)
+    if is_points(path):
+        from limen.data.points_opening import open_points
+
+        return open_points(path, progress=progress)
     path = existing_file(path)
     return open_image(path, cache_bytes=cache_bytes) if mesh_type(path) is None else open_mesh(path)
 

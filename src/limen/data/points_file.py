@@ -25,8 +25,8 @@ class PointsInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     ``size`` is the number of points, ``levels`` that of nodes on each level, from the points to the root. ``bounds``
     are the lowest and the highest x, y, z in the file's unit, ``unit_m`` metres long (None where the file does not
-    say). ``colours`` and ``normals`` say where they come from. ``radius_range`` are the smallest and the largest of
-    the points' own radii in a sample of chunks. ``bytes`` is the size of the files, or of the nodes in memory.
+    say). ``colours`` and ``normals`` say where they come from. ``ready`` tells a cloud that was made ready from a file
+    of points. ``bytes`` is the size of the files, or of the nodes in memory.
     """
 
     kind: str = "points"

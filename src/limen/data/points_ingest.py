@@ -31,7 +31,7 @@ from limen.data.points_file import is_points_folder
 from limen.data.points_store import CHUNKS_A_SHARD, CloudSource, PointsHeader, create_chunks
 from limen.data.points_tree import NEUTRAL, POINT, Lattice, arranged, chunks_of, hilbert_order, pack_points
 from limen.data.zarr_folder import FILES, create_table, list_files
-from limen.errors import FormatError, InputError, StorageError
+from limen.errors import InputError, StorageError
 from limen.geometry import Floats
 from limen.vision.luminance import Photometry
 
@@ -173,14 +173,7 @@ class _Ingest:
                 return self._copy(self.cloud.bounds + np.array([[-1.0], [1.0]]) * _MARGIN * widest)
             except _Outside:
                 pass
-        bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
-        for batch in self.cloud.batches(_BATCH):
-            bounds = np.array(
-                [np.minimum(bounds[0], batch.positions.min(axis=0)), np.maximum(bounds[1], batch.positions.max(axis=0))]
-            )
-        if not np.isfinite(bounds).all():
-            raise _nothing_left(self.cloud)
-        return self._copy(bounds)
+        return self._copy(self.cloud.found_bounds())
 
     def _copy(self, bounds: Floats) -> _Read:
         lattice = Lattice.around(*bounds)
@@ -194,7 +187,7 @@ class _Ingest:
             spool.append(_packed(lattice, batch))
             self.progress(_READ * min(1.0, len(spool) / self.cloud.count))
         if not len(spool):
-            raise _nothing_left(self.cloud)
+            raise self.cloud.nothing_left()
         return _Read(spool.array(), lattice, least, most)
 
     def _build(self, read: _Read, origin: Floats) -> _Built:
@@ -277,12 +270,6 @@ class _Ingest:
 def _packed(lattice: Lattice, batch: Batch) -> NDArray[Any]:
     rgb = np.full((len(batch.positions), 3), NEUTRAL, np.uint8) if batch.rgb is None else batch.rgb
     return pack_points(lattice, batch.positions, rgb, batch.intensity, batch.normals)
-
-
-def _nothing_left(cloud: Cloud) -> FormatError:
-    return FormatError(
-        f"{cloud.path}: none of its {cloud.count:,} points has a finite position and is valid; export it again"
-    )
 
 
 def _with_last(items: Iterator[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], bool]]:

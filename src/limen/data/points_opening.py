@@ -1,0 +1,84 @@
+"""The points that are made of a file, in the cache, when it is first opened."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+from limen.data.cloud_file import open_cloud
+from limen.data.image import existing_file
+from limen.data.machine import cache_folder
+from limen.data.point_nodes import CHUNK_POINTS, counts_of_levels
+from limen.data.points_file import Points, PointsInfo
+from limen.data.points_ingest import ingest_points
+from limen.errors import FormatError, MissingFileError, NeedsIngestError
+
+__all__ = ["LARGEST_AT_ONCE_POINTS", "cloud_info", "open_points"]
+
+LARGEST_AT_ONCE_POINTS = 20_000_000
+"""A file of up to so many points is made ready when it is opened (a minute); beyond it wants ``ingest``."""
+
+
+def open_points(path: str | Path, *, progress: Callable[[float], None] | None = None) -> Points:
+    """Open a folder that was made ready, or a cloud of points that is made ready in the cache first.
+
+    The cache keeps it until the file changes. ``progress`` is called with the fraction of that work done, 0 ... 1.
+    Raises MissingFileError, FormatError (no cloud of points, damaged; NeedsIngestError beyond
+    `LARGEST_AT_ONCE_POINTS`), StorageError.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".points":
+        return Points.open(path)
+    path = existing_file(path)
+    wanted = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+    place = cache_folder() / f"{path.stem}-{wanted}.points"
+    if (kept := _kept(place, path)) is not None:
+        return kept
+    count = open_cloud(path).count
+    if count > LARGEST_AT_ONCE_POINTS:
+        name, target = (f'"{p}"' if " " in str(p) else str(p) for p in (path, path.with_suffix(".points")))
+        raise NeedsIngestError(
+            f"{path}: {count:,} points take a while; make it ready with: limen ingest {name} {target}"
+        )
+    ingest_points(path, place, progress=progress)
+    return Points.open(place)
+
+
+def cloud_info(path: str | Path) -> PointsInfo:
+    """What a cloud of points is, made ready or not.
+
+    Raises MissingFileError, or FormatError if it is none, or damaged.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".points":
+        return Points.open(path).info()
+    cloud = open_cloud(path)
+    found = cloud.found_bounds()
+    return PointsInfo(
+        path=str(path),
+        ready=False,
+        size=cloud.count,
+        levels=counts_of_levels(cloud.count),
+        chunks=-(-cloud.count // CHUNK_POINTS),
+        format=cloud.format,
+        bounds=(tuple(found[0].tolist()), tuple(found[1].tolist())),
+        unit_m=cloud.unit_m,
+        crs=cloud.crs,
+        colours=cloud.colours,
+        normals="given" if cloud.has_normals else "none",
+        has_intensity=cloud.has_intensity,
+        bytes=cloud.path.stat().st_size,
+        notes=cloud.notes,
+    )
+
+
+def _kept(place: Path, source: Path) -> Points | None:
+    """What the cache holds, if it was made of the file as it is now."""
+    try:
+        points = Points.open(place)
+    except (FormatError, MissingFileError):
+        return None
+    state, made_of = source.stat(), points.header.source
+    same = made_of is not None and (made_of.bytes, made_of.mtime_ns) == (state.st_size, state.st_mtime_ns)
+    return points if same else None
