@@ -17,9 +17,11 @@ from limen.geometry import Floats
 __all__ = ["open_las"]
 
 _SAMPLES, _SAMPLE_POINTS = 16, 16_384
-_NEUTRAL_KEYS = 1024, 2048, 3072, 3076  # GeoTIFF 1.1: model type, geographic and projected CRS, linear unit
+_GEOGRAPHIC, _PROJECTED, _UNIT_KEY = 2048, 3072, 3076
+"""Keys of GeoTIFF 1.1: the CRS, and its linear unit."""
 _USER_DEFINED = 32767
 _UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}  # EPSG: metre, foot, US survey foot
+_UNIT = re.compile(r'(?:LENGTH)?UNIT\["[^"]+",\s*([0-9.eE+-]+)')
 _COLOURS = ("red", "green", "blue")
 
 
@@ -82,12 +84,13 @@ def _look(reader: Any) -> _Look:
     count = int(header.point_count)
     records = []
     skips = not _has_varied_chunks(header)
+    each = min(_SAMPLE_POINTS, -(-count // _SAMPLES))
     for k in range(_SAMPLES):
-        begin = k * count // _SAMPLES if skips else k * _SAMPLE_POINTS
+        begin = k * count // _SAMPLES if skips else k * each
         if skips:
             reader.seek(begin)
         if begin < count:
-            records.append(reader.read_points(min(_SAMPLE_POINTS, count - begin)))
+            records.append(reader.read_points(min(each, count - begin)))
     most = max((int(np.max(record[name])) for record in records for name in _COLOURS if name in names), default=0)
     intensity = np.concatenate([np.asarray(record["intensity"]) for record in records])
     stretch = stretch_of(intensity) if intensity.min() < intensity.max() else None
@@ -147,13 +150,13 @@ def _crs(header: Any) -> tuple[str, float | None]:
         for key in record.geo_keys
         if key.tiff_tag_location == 0
     }
-    code = keys.get(3072, keys.get(2048, _USER_DEFINED))
+    code = keys.get(_PROJECTED, keys.get(_GEOGRAPHIC, _USER_DEFINED))
     try:
         crs = CRS.from_wkt(wkt) if wkt else CRS.from_epsg(code) if 0 < code < _USER_DEFINED else None
         if crs is None:
-            return "", _UNITS_M.get(keys.get(3076, 0))
+            return "", _UNITS_M.get(keys.get(_UNIT_KEY, 0))
         unit_m = None if crs.is_geographic else float(crs.linear_units_factor[1])
         return wkt or str(crs.to_wkt()), unit_m
-    except Exception:  # rasterio has an error of its own for each way in which a CRS can be wrong
-        found = re.search(r'UNIT\["(?:metre|meter)",\s*1', wkt)
-        return wkt, 1.0 if found else _UNITS_M.get(keys.get(3076, 0))
+    except Exception:  # PROJ has an error of its own for each way in which a CRS can be wrong
+        units = _UNIT.findall(wkt)  # of angles, if there are any, come before that of lengths
+        return wkt, float(units[-1]) if units else _UNITS_M.get(keys.get(_UNIT_KEY, 0))

@@ -168,9 +168,11 @@ def _sample(path: Path, header: _Header) -> NDArray[Any]:
         return next(_text(path, header, _SAMPLES * _SAMPLE_POINTS), np.empty(0, header.dtype))
     parts = []
     with path.open("rb") as file:
-        for first in sorted({k * header.points // _SAMPLES for k in range(_SAMPLES)}):
+        each = min(_SAMPLE_POINTS, -(-header.points // _SAMPLES))
+        for k in range(_SAMPLES):
+            first = k * header.points // _SAMPLES
             file.seek(header.begin + first * header.dtype.itemsize)
-            stored = file.read(min(_SAMPLE_POINTS, header.points - first) * header.dtype.itemsize)
+            stored = file.read(min(each, header.points - first) * header.dtype.itemsize)
             parts.append(np.frombuffer(stored, header.dtype, len(stored) // header.dtype.itemsize))
     return np.concatenate(parts)
 

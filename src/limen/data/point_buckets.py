@@ -24,11 +24,20 @@ _BLOCK = 1_000_000
 
 
 class Spool:
-    """A nameless file in ``folder`` that arrays are appended to, of rows of ``shape`` items of ``dtype``."""
+    """A nameless file in ``folder`` that arrays are appended to, of rows of ``shape`` items of ``dtype``.
+
+    A context manager: what was mapped stays when it is closed.
+    """
 
     def __init__(self, folder: Path, dtype: np.dtype[Any], *shape: int) -> None:
-        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - it lives as long as what is mapped of it
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed on exit
         self._dtype, self._shape, self._rows = dtype, shape, 0
+
+    def __enter__(self) -> Spool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
 
     def __len__(self) -> int:
         return self._rows
@@ -47,14 +56,13 @@ def _mapped(file: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[
     return np.memmap(file, dtype=dtype, mode="r+", shape=shape).view(np.ndarray)
 
 
-def along_curve(
-    points: NDArray[Any], folder: Path, level: int = 0, most: int = BUCKET_POINTS
-) -> Iterator[NDArray[Any]]:
-    """Points (N,) of dtype `POINT` in buckets of at most ``most``, each to be sorted, that follow the curve.
+def along_curve(points: NDArray[Any], folder: Path, level: int = 0, most: int | None = None) -> Iterator[NDArray[Any]]:
+    """Points (N,) of dtype `POINT` in buckets that follow the curve, of at most ``most`` (`BUCKET_POINTS`), unsorted.
 
     All lie in one cell of ``level``. A bucket holds cells that follow each other; a cell that is too full is split
     the same way, and one that cannot be split any more (so many points in one place) is cut.
     """
+    most = most or BUCKET_POINTS
     if len(points) <= most:
         yield np.array(points)
         return

@@ -82,6 +82,7 @@ def decode_chunk(places: Any, nodes: Any, counts: Any, step: float, largest: flo
     ``places`` (4681, 8) uint16 and ``nodes`` (4681, 16) uint8 are the same nodes, ``scale`` (256,) float32 of codes of
     radii, ``ranges`` (585, 2).
     """
+    out[:] = np.float32(0.0)
     out[0, :] = _FAR
     for level in range(CHUNK_LEVEL + 1):
         for i in range(counts[level]):
@@ -237,19 +238,18 @@ def _range_of_points(x: Any, y: Any, z: Any, radius: Any, light: Any, sphere: An
 
 
 @njit(cache=True, nogil=True)
-def _groups(node: int, counts: Any, arena: Any, slots: Any, points: Any, total: int, below: Any, sphere: Any,
-            lights: Any, contrast_of_code: Any, found: Any, codes: Any) -> None:  # fmt: skip
-    """Codes of the children of a node of level 2: from the ``total`` points that meet it, and ranges ``below``."""
-    own = arena[slots[0]]
-    x, y, z, radius = points[0, :total], points[1, :total], points[2, :total], points[3, :total]
-    light, bits = points.view(np.int32)[4, :total], found.view(np.int32)
-    first = _first_child(node)
-    for child in range(first, min(first + FAN, _BEGIN[1] + counts[1])):
-        for part in range(4):
-            sphere[part] = own[part, child]
-        found[0], found[1] = min(below[0], own[4, child]), max(below[1], own[5, child])
-        _range_of_points(x, y, z, radius, light, sphere, bits)
-        codes[child] = _code(lights[child], found[0], found[1], contrast_of_code)
+def _exact_code(node: int, own: Any, points: Any, total: int, below: Any, slack: float, shown: float,
+                contrast_of_code: Any, sphere: Any, found: Any) -> int:  # fmt: skip
+    """Of a node of level 1 or 2: from those of the ``total`` points that meet it, and ranges ``below``."""
+    for part in range(4):
+        sphere[part] = own[part, node]
+    sphere[4] = slack
+    found[0], found[1] = min(below[0], own[4, node]), max(below[1], own[5, node])
+    _range_of_points(
+        points[0, :total], points[1, :total], points[2, :total], points[3, :total], points.view(np.int32)[4, :total],
+        sphere, found.view(np.int32),
+    )  # fmt: skip
+    return _code(shown, found[0], found[1], contrast_of_code)
 
 
 @njit(cache=True, nogil=True)
@@ -272,6 +272,7 @@ def chunk_contrasts(
     meets = np.empty(room, np.int32)
     sphere, found, below = np.empty(5, np.float32), np.empty(2, np.float32), np.empty(2, np.float32)
     sphere[4] = slack
+    own = arena[slots[0]]
     lists[CHUNK_LEVEL], list_spheres[CHUNK_LEVEL], lengths[CHUNK_LEVEL] = ids, spheres, count
     for pair in range(counts[2]):
         # From the highest node that begins here down to level 2.
@@ -281,7 +282,7 @@ def chunk_contrasts(
         while level >= 2:
             node = _BEGIN[level] + pair // FAN ** (level - 2)
             for part in range(4):
-                sphere[part] = arena[slots[0], part, node]
+                sphere[part] = own[part, node]
             if level < CHUNK_LEVEL:
                 up = level + 1
                 kept = _keep(
@@ -297,15 +298,21 @@ def chunk_contrasts(
                 met_spheres[level],
             )  # fmt: skip
             met_lengths[level] = reached
-            found[0], found[1] = arena[slots[0], 4, node], arena[slots[0], 5, node]
-            for k in range(reached):
-                found[0] = min(found[0], met_spheres[level, 4, k])
-                found[1] = max(found[1], met_spheres[level, 5, k])
-            codes[node] = _code(lights[node], found[0], found[1], contrast_of_code)
+            if level > 2:
+                found[0], found[1] = own[4, node], own[5, node]
+                for k in range(reached):
+                    found[0] = min(found[0], met_spheres[level, 4, k])
+                    found[1] = max(found[1], met_spheres[level, 5, k])
+                codes[node] = _code(lights[node], found[0], found[1], contrast_of_code)
             level -= 1
         below[0], below[1] = _FAR, np.float32(0.0)
         total = _gather_points(met[2], met_spheres[2], met_lengths[2], arena, slots, offsets, fan, points, below)
-        _groups(node, counts, arena, slots, points, total, below, sphere, lights, contrast_of_code, found, codes)
+        codes[node] = _exact_code(node, own, points, total, below, slack, lights[node], contrast_of_code, sphere, found)
+        first = _first_child(node)
+        for child in range(first, min(first + FAN, _BEGIN[1] + counts[1])):
+            codes[child] = _exact_code(
+                child, own, points, total, below, slack, lights[child], contrast_of_code, sphere, found
+            )
 
 
 @njit(cache=True, nogil=True)

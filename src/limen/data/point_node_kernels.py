@@ -215,7 +215,7 @@ def _cones(counts: Any, two_sided: bool, octahedral: Any, out: Any) -> None:
             _unpack(octahedral[node, 0], octahedral[node, 1], normal[node])
             weight[node] = known
             code = np.ceil(
-                _half_angle(normal, cone, weight, first, last, normal[node], two_sided) * _CONES_A_RADIAN + 1e-6
+                _half_angle(normal, cone, weight, first, last, normal[node], two_sided) * _CONES_A_RADIAN - 1e-6
             )
             if code >= (127.0 if two_sided else 254.0):
                 code = _BLIND

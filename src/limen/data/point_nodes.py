@@ -6,8 +6,8 @@ level 4 that they all hang from, are a **chunk**: what is stored, read and evict
 full. Nodes of level 4 and above are few; as **tops** they are always in memory.
 
 Every node is a sphere that holds those of its children; a mean colour and normal; the half angle of a cone about that
-normal that holds all normals below that are known; and the contrast of its luminance to that of everything its sphere
-meets.
+normal that holds those of its children, as far as they have one; and the contrast of its luminance to that of
+everything its sphere meets.
 """
 
 from __future__ import annotations

@@ -95,5 +95,5 @@ def _cones(nodes: NDArray[Any], children: NDArray[Any], shares: Floats, two_side
     along = (axes[:, None] * normals[lit]).sum(axis=2)
     apart_deg = np.degrees(np.arccos(np.clip(np.abs(along) if two_sided else along, -1, 1)))
     widest_deg = np.where(known[lit] > 0, apart_deg + half_angle_deg(children["cone"][lit]), 0.0).max(axis=1)
-    cones = np.ceil(widest_deg * (254 / 180) + 1e-6)
+    cones = np.ceil(widest_deg * (254 / 180) - 1e-6)
     nodes["cone"][lit] = np.where(cones >= (127 if two_sided else 254), 254, cones)

@@ -40,6 +40,7 @@ __all__ = ["PointsReport", "ingest_points"]
 Progress = Callable[[float], None]
 
 _BATCH = 1_000_000
+_PIECE = _BATCH // CHUNK_POINTS * CHUNK_POINTS
 _INNER = LEVEL_BEGIN[0]
 _READ, _BUILT = 0.35, 0.7
 """Of the time until all is done, about, when the first two passes end."""
@@ -177,44 +178,54 @@ class _Ingest:
 
     def _copy(self, bounds: Floats) -> _Read:
         lattice = Lattice.around(*bounds)
-        spool = Spool(self.folder, POINT)
         least, most = np.full(3, np.inf), np.full(3, -np.inf)
-        for batch in self.cloud.batches(_BATCH):
-            low, high = batch.positions.min(axis=0), batch.positions.max(axis=0)
-            if (low < bounds[0]).any() or (high > bounds[1]).any():
-                raise _Outside
-            least, most = np.minimum(least, low), np.maximum(most, high)
-            spool.append(_packed(lattice, batch))
-            self.progress(_READ * min(1.0, len(spool) / self.cloud.count))
-        if not len(spool):
-            raise self.cloud.nothing_left()
-        return _Read(spool.array(), lattice, least, most)
+        with Spool(self.folder, POINT) as spool:
+            for batch in self.cloud.batches(_BATCH):
+                low, high = batch.positions.min(axis=0), batch.positions.max(axis=0)
+                if (low < bounds[0]).any() or (high > bounds[1]).any():
+                    raise _Outside
+                least, most = np.minimum(least, low), np.maximum(most, high)
+                spool.append(_packed(lattice, batch))
+                self.progress(_READ * min(1.0, len(spool) / self.cloud.count))
+            if not len(spool):
+                raise self.cloud.nothing_left()
+            return _Read(spool.array(), lattice, least, most)
 
     def _build(self, read: _Read, origin: Floats) -> _Built:
-        """Chunks of all points in the curve's order; where a bucket ends within a chunk, the next goes on with it."""
-        nodes, ranges = Spool(self.folder, NODE, CHUNK_NODES), Spool(self.folder, np.dtype("<f4"), _INNER, 2)
-        frames, roots, carried = [], [], np.empty(0, POINT)
-        total, done = len(read.points), 0
+        frames, roots, total, done = [], [], len(read.points), 0
+        with (
+            Spool(self.folder, NODE, CHUNK_NODES) as nodes,
+            Spool(self.folder, np.dtype("<f4"), _INNER, 2) as ranges,
+        ):
+            for points, order in self._ordered(read):
+                tidy, radii = arranged(points, order, read.lattice.step, estimate=self.two_sided)
+                chunks = chunks_of(tidy, radii, read.lattice, origin, self.two_sided)
+                nodes.append(chunks.nodes)
+                stored = chunks.nodes.view(np.uint8).reshape(len(chunks.nodes), CHUNK_NODES, -1)
+                ranges.append(ranges_of(stored, len(order), self.photometry))
+                frames.append(chunks.frames)
+                roots.append(chunks.nodes[:, LEVEL_BEGIN[CHUNK_LEVEL]].copy())
+                done += len(order)
+                self.progress(_READ + (_BUILT - _READ) * done / total)
+            frame = ChunkFrame._make(np.concatenate(field) for field in zip(*frames, strict=True))
+            tops = tops_of(np.concatenate(roots), frame, total, self.two_sided)
+            every = nodes.array().view(np.uint8).reshape(-1, CHUNK_NODES, NODE.itemsize)
+            return _Built(every, ranges.array(), frame, tops)
+
+    def _ordered(self, read: _Read) -> Iterator[tuple[NDArray[Any], NDArray[np.uint32]]]:
+        """Points, and numbers of some of them along the curve: whole chunks, but for the last.
+
+        Where a bucket ends within a chunk, the next one goes on with it.
+        """
+        carried = np.empty(0, POINT)
         for bucket, last in _with_last(along_curve(read.points, self.folder)):
             points = np.concatenate([carried, bucket])
             order = np.arange(len(points), dtype=np.uint32)
             order[len(carried) :] = hilbert_order(bucket["place"]) + np.uint32(len(carried))
             whole = len(points) if last else len(points) // CHUNK_POINTS * CHUNK_POINTS
+            for begin in range(0, whole, _PIECE):
+                yield points, order[begin : min(begin + _PIECE, whole)]
             carried = points[order[whole:]]
-            for begin in range(0, whole, _BATCH // CHUNK_POINTS * CHUNK_POINTS):
-                own = order[begin : min(begin + _BATCH // CHUNK_POINTS * CHUNK_POINTS, whole)]
-                tidy, radii = arranged(points, own, read.lattice.step, estimate=self.two_sided)
-                chunks = chunks_of(tidy, radii, read.lattice, origin, self.two_sided)
-                nodes.append(chunks.nodes)
-                stored = chunks.nodes.view(np.uint8).reshape(len(chunks.nodes), CHUNK_NODES, -1)
-                ranges.append(ranges_of(stored, len(own), self.photometry))
-                frames.append(chunks.frames)
-                roots.append(chunks.nodes[:, LEVEL_BEGIN[CHUNK_LEVEL]].copy())
-                done += len(own)
-                self.progress(_READ + (_BUILT - _READ) * done / total)
-        frame = ChunkFrame._make(np.concatenate(field) for field in zip(*frames, strict=True))
-        tops = tops_of(np.concatenate(roots), frame, total, self.two_sided)
-        return _Built(nodes.array().view(np.uint8).reshape(-1, CHUNK_NODES, NODE.itemsize), ranges.array(), frame, tops)
 
     def _store(self, group: zarr.Group, built: _Built, points: int) -> None:
         """Contrasts of all chunks, and the chunks themselves, a shard at a time in each thread."""
