@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["DIGIT_BITS", "KEY_LEVELS", "LATTICE_BITS", "hilbert_keys", "sort_digit"]
+__all__ = ["DIGIT_BITS", "KEY_LEVELS", "LATTICE_BITS", "hilbert_keys", "round_to_lattice", "sort_digit"]
 
 LATTICE_BITS = 30
 """Places are whole numbers below ``2**30`` along each axis."""
@@ -67,6 +67,16 @@ def _double_steps() -> NDArray[np.uint16]:
 
 _STEPS = _steps()
 _DOUBLE = _double_steps()
+
+
+@njit(cache=True, nogil=True)
+def round_to_lattice(positions: Any, low: Any, step: float, places: Any) -> None:
+    """The nearest places (N, 3) int32 of positions (N, 3); what lies outside is moved to the border."""
+    per_step, most = 1.0 / step, float((1 << LATTICE_BITS) - 1)
+    for i in range(positions.shape[0]):
+        for axis in range(3):
+            place = (positions[i, axis] - low[axis]) * per_step + 0.5
+            places[i, axis] = np.int32(min(max(place, 0.0), most))
 
 
 @njit(cache=True, nogil=True)

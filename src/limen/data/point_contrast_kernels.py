@@ -249,7 +249,8 @@ def _exact_code(node: int, own: Any, points: Any, total: int, below: Any, slack:
         points[0, :total], points[1, :total], points[2, :total], points[3, :total], points.view(np.int32)[4, :total],
         sphere, found.view(np.int32),
     )  # fmt: skip
-    return _code(shown, found[0], found[1], contrast_of_code)
+    code: int = _code(shown, found[0], found[1], contrast_of_code)
+    return code
 
 
 @njit(cache=True, nogil=True)

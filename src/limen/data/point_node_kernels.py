@@ -13,7 +13,7 @@ from numba import njit
 
 from limen.data.point_nodes import ALL_AROUND, CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, FAN, LEVEL_BEGIN
 
-__all__ = ["NO_NORMAL", "RADIUS_STEPS", "build_chunks", "pack_normal"]
+__all__ = ["NO_NORMAL", "RADIUS_STEPS", "build_chunks", "pack_normal", "pack_normals_into"]
 
 NO_NORMAL = -128
 """In place of an octahedral code, where nothing is known."""
@@ -24,6 +24,11 @@ RADIUS_STEPS = 12
 _BEGIN = LEVEL_BEGIN
 _SLACK = 1.0 + 1e-6
 """Radii are kept in float32, and so are the frames that places are read with."""
+
+_CENTRE_STEPS = 6
+
+_STEPS_OF_FRACTION = np.ceil(np.log2(1.0 + np.arange(1, 257) / 256.0) * RADIUS_STEPS - 1e-9).astype(np.int64)
+"""Codes from a power of two to a fraction above it, by the fraction's first eight bits, rounded up."""
 
 _CONES_A_RADIAN = 254.0 / np.pi
 _BLIND = 254.0
@@ -60,29 +65,60 @@ def _frame(places: Any, begin: int, end: int, step: float, low: Any, frame: Any,
 
 
 @njit(cache=True, nogil=True)
-def _code_of(radius: float, largest: float) -> int:
-    """The smallest code that stands for no less than a radius, where 255 is ``largest``; 0 for none."""
-    if radius <= 0.0:
+def _code_of(share: float) -> int:
+    """The smallest code that stands for no less than a share of the largest radius; 0 for none.
+
+    Logarithms are looked up by the upper eight bits of the fraction, so one in fifteen is a code larger.
+    """
+    if share <= np.float32(0.0):
         return 0
-    return max(255 + int(np.ceil(np.log2(radius / largest) * RADIUS_STEPS)), 1)
+    bits = np.float32(share).view(np.int32)
+    octave, part = (bits >> 23) - 127, (bits >> 15) & 255
+    return int(min(max(255 + octave * RADIUS_STEPS + _STEPS_OF_FRACTION[part], 1), 255))
+
+
+@njit(cache=True, nogil=True)
+def _farthest(at: Any, radius: Any, first: int, last: int, x: float, y: float, z: float) -> Any:
+    """How far spheres reach from a place, and which reaches farthest."""
+    reach, which = np.float32(-1.0), first
+    for i in range(first, last):
+        dx, dy, dz = at[i, 0] - x, at[i, 1] - y, at[i, 2] - z
+        own = np.sqrt(dx * dx + dy * dy + dz * dz) + radius[i]
+        if own > reach:
+            reach, which = own, i
+    return reach, which
 
 
 @njit(cache=True, nogil=True)
 def _sphere(at: Any, radius: Any, first: int, last: int, node: int, codes: Any) -> float:
-    """Centre of a sphere around those of the children ``first:last``, at a code; returns the radius it needs."""
+    """Centre of a sphere around those of the children ``first:last``, at a code; returns the radius it needs.
+
+    From the middle of their box a few steps towards whichever reaches farthest (Badoiu, Clarkson 2003, *Smaller
+    core-sets for balls*, shortened ever more); the best is kept.
+    """
+    place, best = np.empty(3, np.float32), np.empty(3, np.float32)
     for a in range(3):
         least, most = at[first, a] - radius[first], at[first, a] + radius[first]
         for i in range(first + 1, last):
             least = min(least, at[i, a] - radius[i])
             most = max(most, at[i, a] + radius[i])
-        middle = (least + most) * np.float32(0.5) + np.float32(0.5)
-        codes[node, a] = np.uint16(min(max(middle, np.float32(0.0)), np.float32(65535.0)))
+        place[a] = (least + most) * np.float32(0.5)
+        best[a] = place[a]
+    needed, which = _farthest(at, radius, first, last, place[0], place[1], place[2])
+    share = np.float32(0.15)
+    for _ in range(_CENTRE_STEPS):
+        for a in range(3):
+            place[a] += share * (at[which, a] - place[a])
+        reach, which = _farthest(at, radius, first, last, place[0], place[1], place[2])
+        if reach < needed:
+            needed = reach
+            best[:] = place
+        share *= np.float32(0.75)
+    for a in range(3):
+        code = min(max(best[a] + np.float32(0.5), np.float32(0.0)), np.float32(65535.0))
+        codes[node, a] = np.uint16(code)
         at[node, a] = np.float32(codes[node, a])
-    needed = 0.0
-    for i in range(first, last):
-        dx, dy, dz = at[i, 0] - at[node, 0], at[i, 1] - at[node, 1], at[i, 2] - at[node, 2]
-        needed = max(needed, np.sqrt(np.float64(dx * dx + dy * dy + dz * dz)) + np.float64(radius[i]))
-    return needed
+    return np.float64(_farthest(at, radius, first, last, at[node, 0], at[node, 1], at[node, 2])[0])
 
 
 @njit(cache=True, nogil=True)
@@ -100,7 +136,7 @@ def _spheres(radii: Any, begin: int, counts: Any, frame: Any, at: Any, codes: An
         scale[code] = np.float32(bound * 2.0 ** ((code - 255) / RADIUS_STEPS) / step * _SLACK)
     top = 0
     for i in range(counts[0]):
-        code = _code_of(np.float64(radii[begin + i]), bound)
+        code = _code_of(radii[begin + i] * np.float32(_SLACK / bound))
         code_of[_BEGIN[0] + i] = code
         radius[_BEGIN[0] + i] = scale[code]
     for level in range(1, CHUNK_LEVEL + 1):
@@ -108,7 +144,7 @@ def _spheres(radii: Any, begin: int, counts: Any, frame: Any, at: Any, codes: An
             node = _BEGIN[level] + i
             first = _BEGIN[level - 1] + FAN * i
             last = _BEGIN[level - 1] + min(FAN * i + FAN, counts[level - 1])
-            code = _code_of(_sphere(at, radius, first, last, node, codes) * step * _SLACK, bound)
+            code = _code_of(np.float32(_sphere(at, radius, first, last, node, codes) * step * _SLACK / bound))
             code_of[node] = code
             radius[node] = scale[code]
             top = max(top, code)
@@ -162,6 +198,18 @@ def pack_normal(x: float, y: float, z: float, out: Any) -> None:
     if z < 0.0:
         x, y = (1.0 - abs(y)) * (1.0 if x >= 0.0 else -1.0), (1.0 - abs(x)) * (1.0 if y >= 0.0 else -1.0)
     out[0], out[1] = np.int8(np.rint(x * 127.0)), np.int8(np.rint(y * 127.0))
+
+
+@njit(cache=True, nogil=True)
+def pack_normals_into(normals: Any, codes: Any) -> None:
+    """Octahedral codes (N, 2) int8 of vectors (N, 3) of any length; `NO_NORMAL` where one is zero or not finite."""
+    for i in range(normals.shape[0]):
+        x, y, z = np.float64(normals[i, 0]), np.float64(normals[i, 1]), np.float64(normals[i, 2])
+        size = abs(x) + abs(y) + abs(z)
+        if np.isfinite(size) and size > 0.0:
+            pack_normal(x, y, z, codes[i])
+        else:
+            codes[i, 0], codes[i, 1] = NO_NORMAL, NO_NORMAL
 
 
 @njit(cache=True, nogil=True)

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.hilbert_kernels import DIGIT_BITS, KEY_LEVELS, LATTICE_BITS, hilbert_keys, sort_digit
+from limen.data.hilbert_kernels import DIGIT_BITS, KEY_LEVELS, LATTICE_BITS, hilbert_keys, round_to_lattice, sort_digit
 from limen.data.point_group_kernels import arrange
-from limen.data.point_node_kernels import NO_NORMAL, build_chunks
+from limen.data.point_node_kernels import NO_NORMAL, build_chunks, pack_normals_into
 from limen.data.point_nodes import CHUNK_NODES, CHUNK_POINTS, NODE, ChunkFrame
 from limen.data.point_normal_kernels import estimate_normals
 from limen.data.resample import LINEAR_OF_SRGB, SRGB_OF_LINEAR
@@ -62,8 +62,9 @@ class Lattice(NamedTuple):
 
     def places_of(self, positions: Floats) -> NDArray[np.int32]:
         """The nearest places of positions (N, 3); what lies outside is moved to the border."""
-        places = np.rint((positions - self.low) / self.step)
-        return np.clip(places, 0, (1 << LATTICE_BITS) - 1).astype(np.int32)
+        places = np.empty(positions.shape, np.int32)
+        round_to_lattice(np.asarray(positions, dtype=float), self.low, self.step, places)
+        return places
 
 
 class Chunks(NamedTuple):
@@ -80,13 +81,8 @@ def pack_normals(normals: NDArray[Any]) -> NDArray[np.int8]:
     ----------
     Cigolle et al. 2014, see `limen.data.point_nodes.unpacked_normal`.
     """
-    given = np.asarray(normals, dtype=float)
-    total = np.abs(given).sum(axis=1)
-    known = np.isfinite(total) & (total > 0.0)
-    x, y, z = (given[known] / total[known, None]).T
-    fold_x, fold_y = (1 - np.abs(y)) * np.copysign(1.0, x), (1 - np.abs(x)) * np.copysign(1.0, y)
-    codes = np.full((len(given), 2), NO_NORMAL, np.int8)
-    codes[known] = np.rint(127.0 * np.stack([np.where(z < 0, fold_x, x), np.where(z < 0, fold_y, y)], axis=1))
+    codes = np.empty((len(normals), 2), np.int8)
+    pack_normals_into(np.ascontiguousarray(normals, dtype=float), codes)
     return codes
 
 
