@@ -59,6 +59,45 @@ def test_a_mesh_is_made_and_told(capsys, tmp_path):
     assert "kept as 1024 x 256 texels" in out
 
 
+def test_points_are_made_told_and_made_ready(capsys, tmp_path):
+    source, folder = tmp_path / "p.laz", tmp_path / "p.points"
+    code, out, _ = run(capsys, "sample", "points", source, "--size", 5000, "--seed", 3, "--json")
+    made = json.loads(out)
+    assert (code, made["size"]) == (0, 5000)
+    code, out, _ = run(capsys, "info", source, "--json")
+    raw = json.loads(out)
+    assert (code, raw["kind"], raw["size"], raw["ready"], raw["unit_m"]) == (0, "points", 5000, False, 1.0)
+    code, out, err = run(capsys, "ingest", source, folder, "--json")
+    report = json.loads(out)
+    assert (code, err, report["size"], report["chunks"]) == (0, "", 5000, 2)
+    assert {"path", "seconds", "peak_rss_mib", "bytes"} <= report.keys()
+    code, out, _ = run(capsys, "info", folder, "--json")
+    ready = json.loads(out)
+    assert (ready["ready"], ready["levels"]) == (True, [5000, 625, 79, 10, 2, 1])
+    assert np.allclose(ready["bounds"], raw["bounds"])
+    code, out, _ = run(capsys, "info", folder)
+    assert "5,000 points, 2 chunks, 6 levels" in out
+    assert "normals: estimated" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["ingest", "p.laz", "p.tif"], "holds points"),
+        (["ingest", "p.laz", "q.points", "--quality", "50"], "--quality"),
+        (["sample", "points", "q.laz", "--aspect", "2"], "--size says how many points"),
+        (["sample", "points", "q.xyz"], "ends in .las, .laz or .ply"),
+        (["bench", "image", "--content", "p.laz"], "'terrain' and 'points'"),
+    ],
+)
+def test_what_is_not_for_points_is_said(capsys, tmp_path, monkeypatch, words, says):
+    monkeypatch.chdir(tmp_path)
+    run(capsys, "sample", "points", "p.laz", "--size", 100)
+    code, _, err = run(capsys, *words)
+    assert code == 2
+    assert says in err
+
+
 def test_a_terrain_is_made_told_and_made_ready(capsys, tmp_path):
     source, folder = tmp_path / "t.tif", tmp_path / "t.terrain"
     code, out, _ = run(capsys, "sample", "terrain", source, "--size", 300, "--seed", 3, "--json")
@@ -92,7 +131,9 @@ def test_a_terrain_is_made_told_and_made_ready(capsys, tmp_path):
     [
         ("info", "nowhere.tif"),
         ("ingest", "nowhere.tif", "b.tif"),
-        ("sample", "points", "out.las"),
+        ("sample", "points", "out.xyz"),
+        ("ingest", "nowhere.laz", "b.points"),
+        ("info", "nowhere.points"),
         ("sample", "terrain", "out.png"),
         ("sample", "terrain", "out.tif", "--gigapixels", "1"),
         ("ingest", "nowhere.tif", "b.terrain"),

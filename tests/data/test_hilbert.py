@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.hilbert_kernels import KEY_LEVELS, LATTICE_BITS, hilbert_keys, sort_digit
+from limen.data.hilbert_kernels import KEY_LEVELS, LATTICE_BITS, box_of, crowded, hilbert_keys, sort_digit
 from limen.data.points_tree import hilbert_order
 
 
@@ -47,8 +47,21 @@ def test_points_come_in_the_order_of_their_keys_where_density_varies_little(coun
     order = hilbert_order(places)
     assert np.array_equal(np.sort(order), np.arange(count))
     keys = keys_of(places)
-    low = max(0, int(keys.min() ^ keys.max()).bit_length() - 33)
+    shared = LATTICE_BITS - max(int(places[:, axis].min() ^ places[:, axis].max()).bit_length() for axis in range(3))
+    low = 3 * (KEY_LEVELS - min(KEY_LEVELS, shared + 11))
     assert np.all(np.diff((keys[order] >> np.uint64(low)).astype(np.int64)) >= 0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(*[st.integers(-1000, 1000)] * 3), min_size=1, max_size=40), st.integers(1, 5))
+def test_boxes_and_crowds_are_numpys(places, longest):
+    positions = np.array(places, dtype=float)
+    box = np.empty((2, 3))
+    box_of(positions, box)
+    assert np.array_equal(box, [positions.min(axis=0), positions.max(axis=0)])
+    keys = np.sort(positions[:, 0] // 200)
+    _, counts = np.unique(keys, return_counts=True)
+    assert crowded(keys, longest) == counts[counts > longest].sum()
 
 
 def test_where_points_are_much_denser_than_elsewhere_all_levels_count():

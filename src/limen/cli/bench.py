@@ -12,6 +12,7 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.errors import InputError
 from limen.study.bench import BENCHES, Measured
 from limen.study.bench_panels import PanelsRow
+from limen.study.bench_points import PointsRow, bench_points
 from limen.study.bench_terrain import TerrainRow, bench_terrain
 from limen.study.panels_plot import panels_plot
 from limen.study.plots import format_of
@@ -20,13 +21,13 @@ from limen.study.terrain_source import Content, parse_crop
 
 __all__ = ["bench"]
 
-_TERRAIN = "terrain"
-_NAMES = (*BENCHES, _TERRAIN)
+_TERRAIN, _POINTS = "terrain", "points"
+_NAMES = (*BENCHES, _TERRAIN, _POINTS)
 
 
 class BenchReport(msgspec.Struct, omit_defaults=True):
     name: str
-    rows: list[Measured] | list[PanelsRow] | list[TerrainRow]
+    rows: list[Measured] | list[PanelsRow] | list[TerrainRow] | list[PointsRow]
     table2: list[Table2] = []
     """Of `terrain`: the paper's second table."""
     frames: list[FrameRow] = []
@@ -40,7 +41,10 @@ def bench(
     quick: Annotated[bool, Parameter(negative="", help="A minute-long run on less data.")] = False,
     plot: Annotated[Path | None, Parameter(help="Draw the table of `panels` to a .png or .svg file.")] = None,
     content: Annotated[
-        Path | None, Parameter(help="What `terrain` measures, a DEM or a .terrain; without it, the sample terrain.")
+        Path | None,
+        Parameter(
+            help="What `terrain` measures, a DEM or a .terrain, or the cloud that `points` makes ready; else a sample."
+        ),
     ] = None,
     crop: Annotated[str | None, Parameter(help="Part of the DEM: ROW,COLUMN,ROWS,COLUMNS of posts.")] = None,
     common: Common = DEFAULT,
@@ -52,8 +56,10 @@ def bench(
         if name != "panels":
             raise InputError(f"--plot draws the benchmark 'panels', not '{name}'")
         format_of(plot)  # a wrong ending should not cost minutes of measuring
-    if name != _TERRAIN and (content is not None or crop is not None):
-        raise InputError(f"--content and --crop are for the benchmark 'terrain', not '{name}'")
+    if content is not None and name not in (_TERRAIN, _POINTS):
+        raise InputError(f"--content is for the benchmarks 'terrain' and 'points', not '{name}'")
+    if crop is not None and name != _TERRAIN:
+        raise InputError(f"--crop is for the benchmark 'terrain', not '{name}'")
     if crop is not None and content is None:
         raise InputError("--crop takes part of a DEM: name it with --content")
     out = Output(common)
@@ -70,6 +76,8 @@ def _measured(name: str, quick: bool, content: Content, out: Output) -> BenchRep
     def say(text: str) -> None:
         out.say(f"measuring {text} ...")
 
+    if name == _POINTS:
+        return BenchReport(name, bench_points(quick, say, content.path))
     if name != _TERRAIN:
         return BenchReport(name, BENCHES[name](quick, say))
     done = bench_terrain(quick, say, content)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.cloud_type import cloud_type
+from limen.data.hilbert_kernels import box_of
 from limen.data.image import existing_file
 from limen.errors import FormatError
 from limen.geometry import Floats
@@ -28,6 +29,12 @@ class Batch(NamedTuple):
     rgb: NDArray[np.uint8] | None  # (N, 3), sRGB
     intensity: NDArray[np.uint8] | None  # (N,)
     normals: NDArray[Any] | None  # (N, 3) of any length
+
+    def box(self) -> Floats:
+        """Lowest and highest coordinates, (2, 3)."""
+        box = np.empty((2, 3))
+        box_of(self.positions, box)
+        return box
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +74,7 @@ class Cloud:
         """Where points lie, (2, 3): all are read for it. Raises FormatError if none is left, as `batches` does else."""
         bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
         for batch in self.batches(_BATCH):
-            low, high = batch.positions.min(axis=0), batch.positions.max(axis=0)
+            low, high = batch.box()
             bounds = np.array([np.minimum(bounds[0], low), np.maximum(bounds[1], high)])
         if not np.isfinite(bounds).all():
             raise self.nothing_left()

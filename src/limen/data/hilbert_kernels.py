@@ -13,7 +13,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["DIGIT_BITS", "KEY_LEVELS", "LATTICE_BITS", "hilbert_keys", "round_to_lattice", "sort_digit"]
+__all__ = [
+    "DIGIT_BITS",
+    "KEY_LEVELS",
+    "LATTICE_BITS",
+    "box_of",
+    "crowded",
+    "hilbert_keys",
+    "round_to_lattice",
+    "sort_digit",
+]
 
 LATTICE_BITS = 30
 """Places are whole numbers below ``2**30`` along each axis."""
@@ -67,6 +76,30 @@ def _double_steps() -> NDArray[np.uint16]:
 
 _STEPS = _steps()
 _DOUBLE = _double_steps()
+
+
+@njit(cache=True, nogil=True)
+def box_of(places: Any, box: Any) -> None:
+    """Lowest and highest coordinates of places (N, 3) into ``box`` (2, 3): NumPy takes twenty times as long."""
+    x, y, z = places[0, 0], places[0, 1], places[0, 2]
+    u, v, w = x, y, z
+    for i in range(places.shape[0]):
+        a, b, c = places[i, 0], places[i, 1], places[i, 2]
+        x, y, z = min(x, a), min(y, b), min(z, c)
+        u, v, w = max(u, a), max(v, b), max(w, c)
+    box[0, 0], box[0, 1], box[0, 2], box[1, 0], box[1, 1], box[1, 2] = x, y, z, u, v, w
+
+
+@njit(cache=True, nogil=True)
+def crowded(keys: Any, longest: int) -> int:
+    """How many of some sorted keys (N,) are among more than ``longest`` equal ones."""
+    found, begin = 0, 0
+    for i in range(1, keys.shape[0] + 1):
+        if i == keys.shape[0] or keys[i] != keys[begin]:
+            if i - begin > longest:
+                found += i - begin
+            begin = i
+    return found
 
 
 @njit(cache=True, nogil=True)

@@ -120,12 +120,10 @@ class ChunkContrasts:
         offsets = (origins[near] - origins[chunk]).astype(np.float32)
         slack = _ROUNDING * np.abs(relative[:, :4]).sum(axis=1).max()
         codes = np.zeros(_INNER, np.uint8)
-        red, green, blue = (self._channels[c][all_._nodes[chunk, :_INNER, 12 + c]] for c in range(3))
-        lights = red + green + blue + np.float32(all_._photometry.dark_cd_m2)
         counts = chunk_counts(all_._points, chunk)
         chunk_contrasts(
-            counts, len(met), ids, spheres, self._arena, self._decoded(near), offsets, slack, lights, CONTRAST_OF_CODE,
-            self._met, self._points, codes,
+            counts, len(met), ids, spheres, self._arena, self._decoded(near), offsets, slack, all_._nodes[chunk],
+            self._channels, all_._photometry.dark_cd_m2, CONTRAST_OF_CODE, self._met, self._points, codes,
         )  # fmt: skip
         return codes
 

@@ -255,16 +255,16 @@ def _exact_code(node: int, own: Any, points: Any, total: int, below: Any, slack:
 
 @njit(cache=True, nogil=True)
 def chunk_contrasts(
-    counts: Any, count: int, ids: Any, spheres: Any, arena: Any, slots: Any, offsets: Any, slack: float, lights: Any,
-    contrast_of_code: Any, met_spheres: Any, points: Any, codes: Any,
+    counts: Any, count: int, ids: Any, spheres: Any, arena: Any, slots: Any, offsets: Any, slack: float, nodes: Any,
+    channels: Any, dark: float, contrast_of_code: Any, met_spheres: Any, points: Any, codes: Any,
 ) -> None:  # fmt: skip
     """Codes (585,) of all inner nodes of a chunk with ``counts`` (5,) nodes a level; the first is that of its root.
 
     What meets the root are ``count`` entries, with numbers ``ids`` (128,) and ``spheres`` (6, 128) float32: x, y, z,
     radius and range of luminance. ``arena`` (S, 6, 4681) holds chunks as `decode_chunk` leaves them, in ``slots`` (K,)
     those that entries name, the chunk itself the first, and ``offsets`` (K, 3) from its origin to theirs. ``slack`` is
-    what rounding may do to a distance, ``lights`` (585,) are nodes' own luminances. ``met_spheres`` (5, 6, 1024) and
-    ``points`` (5, 8192), float32, are overwritten.
+    what rounding may do to a distance, ``nodes`` (4681, 16) are the chunk's, for their colours. ``met_spheres``
+    (5, 6, 1024) and ``points`` (5, 8192), float32, are overwritten.
     """
     room, fan = FAN * MOST_NEAR, counts.shape[0] + 3  # eight, but the compiler must not know
     lists, list_spheres = np.empty((5, MOST_NEAR), np.int64), np.empty((5, 6, MOST_NEAR), np.float32)
@@ -304,15 +304,26 @@ def chunk_contrasts(
                 for k in range(reached):
                     found[0] = min(found[0], met_spheres[level, 4, k])
                     found[1] = max(found[1], met_spheres[level, 5, k])
-                codes[node] = _code(lights[node], found[0], found[1], contrast_of_code)
+                codes[node] = _code(_light(nodes[node], channels, dark), found[0], found[1], contrast_of_code)
             level -= 1
         below[0], below[1] = _FAR, np.float32(0.0)
         total = _gather_points(met[2], met_spheres[2], met_lengths[2], arena, slots, offsets, fan, points, below)
-        codes[node] = _exact_code(node, own, points, total, below, slack, lights[node], contrast_of_code, sphere, found)
+        codes[node] = _exact_code(
+            node, own, points, total, below, slack, _light(nodes[node], channels, dark), contrast_of_code, sphere, found
+        )
         first = _first_child(node)
         for child in range(first, min(first + FAN, _BEGIN[1] + counts[1])):
             codes[child] = _exact_code(
-                child, own, points, total, below, slack, lights[child], contrast_of_code, sphere, found
+                child,
+                own,
+                points,
+                total,
+                below,
+                slack,
+                _light(nodes[child], channels, dark),
+                contrast_of_code,
+                sphere,
+                found,
             )
 
 

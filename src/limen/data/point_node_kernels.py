@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from limen.data.hilbert_kernels import box_of
 from limen.data.point_nodes import ALL_AROUND, CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, FAN, LEVEL_BEGIN
 
 __all__ = ["NO_NORMAL", "RADIUS_STEPS", "build_chunks", "pack_normal", "pack_normals_into"]
@@ -25,7 +26,7 @@ _BEGIN = LEVEL_BEGIN
 _SLACK = 1.0 + 1e-6
 """Radii are kept in float32, and so are the frames that places are read with."""
 
-_CENTRE_STEPS = 6
+_CENTRE_STEPS = 4
 
 _STEPS_OF_FRACTION = np.ceil(np.log2(1.0 + np.arange(1, 257) / 256.0) * RADIUS_STEPS - 1e-9).astype(np.int64)
 """Codes from a power of two to a fraction above it, by the fraction's first eight bits, rounded up."""
@@ -41,27 +42,26 @@ def _frame(places: Any, begin: int, end: int, step: float, low: Any, frame: Any,
 
     ``low`` (3,) is where the lattice begins, from the cloud's origin.
     """
+    box = np.empty((2, 3), np.int32)
+    box_of(places[begin:end], box)
     widest = 0.0
     for a in range(3):
-        least, most = places[begin, a], places[begin, a]
-        for i in range(begin, end):
-            least, most = min(least, places[i, a]), max(most, places[i, a])
-        first = low[a] + least * step
+        first = low[a] + box[0, a] * step
         kept = np.float32(first)
         if kept > first:
             kept = np.float32(first - abs(first) * 1.2e-7 - 1e-37)
         frame[a] = kept
-        widest = max(widest, low[a] + most * step - np.float64(kept))
+        widest = max(widest, low[a] + box[1, a] * step - np.float64(kept))
     # A little longer than it has to be: kept in float32, it may have been rounded down.
     frame[3] = np.float32(widest / 65535.0 * 1.0000002) if widest > 0.0 else np.float32(1.0)
     per_step = 1.0 / np.float64(frame[3])
-    for i in range(begin, end):
-        for a in range(3):
-            code = (low[a] + places[i, a] * step - np.float64(frame[a])) * per_step + 0.5
-            code = min(max(code, 0.0), 65535.0)
-            k = _BEGIN[0] + i - begin
-            codes[k, a] = np.uint16(code)
-            at[k, a] = np.float32(codes[k, a])
+    for a in range(3):
+        scale, offset = step * per_step, (low[a] - np.float64(frame[a])) * per_step + 0.5
+        for i in range(begin, end):
+            code = np.int32(places[i, a] * scale + offset)
+            code = np.int32(0) if code < 0 else np.int32(65535) if code > 65535 else code
+            codes[_BEGIN[0] + i - begin, a] = code
+            at[_BEGIN[0] + i - begin, a] = np.float32(code)
 
 
 @njit(cache=True, nogil=True)
@@ -229,13 +229,16 @@ def _mean_normal(normal: Any, weight: Any, first: int, last: int, two_sided: boo
 @njit(cache=True, nogil=True)
 def _half_angle(normal: Any, cone: Any, weight: Any, first: int, last: int, axis: Any, two_sided: bool) -> float:
     """Of a cone about ``axis`` that holds those of the children that have one: unknown normals have no say."""
-    widest = 0.0
+    widest, least = 0.0, 1.0
     for i in range(first, last):
         if weight[i] > 0.0:
             along = axis[0] * normal[i, 0] + axis[1] * normal[i, 1] + axis[2] * normal[i, 2]
             along = abs(along) if two_sided else along
-            widest = max(widest, np.arccos(min(max(along, -1.0), 1.0)) + cone[i])
-    return widest
+            if cone[i] > 0.0:
+                widest = max(widest, np.arccos(min(max(along, -1.0), 1.0)) + cone[i])
+            else:
+                least = min(least, along)
+    return float(max(widest, np.arccos(max(least, -1.0))))
 
 
 @njit(cache=True, nogil=True)

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from limen.data.point_contrast import Neighbourhood, ranges_of
-from limen.data.point_nodes import CHUNK_NODES, LEVEL_BEGIN, NODE
+from limen.data.point_nodes import CHUNK_LEVEL, LEVEL_BEGIN
 from limen.data.point_tops import tops_of
 from limen.data.points_file import Points
 from limen.data.points_store import PointsHeader
-from limen.data.points_tree import NEUTRAL, Lattice, arranged, chunks_of, hilbert_order, pack_points
+from limen.data.points_tree import NEUTRAL, Chunks, Lattice, arranged, chunks_of, hilbert_order, pack_points
 from limen.errors import InputError
 from limen.vision.luminance import Photometry
 
-__all__ = ["build_points"]
+__all__ = ["build_points", "fill_contrasts"]
 
 
 def build_points(
@@ -64,14 +64,14 @@ def build_points(
     given = None if normals is None else np.asarray(normals, dtype=float)
     if given is not None and given.shape != places.shape:
         raise InputError(f"normals must be of shape {places.shape}, got {given.shape}")
-    least, most = places.min(axis=0), places.max(axis=0)
-    lattice, origin = Lattice.around(least, most), (least + most) / 2
+    lattice, (least, most) = Lattice.holding(places)
+    origin = (least + most) / 2
     packed = pack_points(lattice, places, colours, grey, given)
     order = hilbert_order(packed["place"])
     points, radii = arranged(packed, order, lattice.step, estimate=given is None and estimate_normals)
     two_sided = given is None
     chunks = chunks_of(points, radii, lattice, origin, two_sided)
-    tops = tops_of(chunks.nodes[:, LEVEL_BEGIN[4]], chunks.frames, count, two_sided)
+    tops = tops_of(chunks.nodes[:, LEVEL_BEGIN[CHUNK_LEVEL]], chunks.frames, count, two_sided)
     header = PointsHeader(
         points=count,
         bounds=(_triple(least), _triple(most)),
@@ -82,13 +82,19 @@ def build_points(
         has_intensity=intensity is not None,
         unit_m=unit_m,
     )
-    stored = chunks.nodes.view(np.uint8).reshape(len(chunks.nodes), CHUNK_NODES, NODE.itemsize)
-    display = photometry or Photometry.srgb()
-    near = Neighbourhood(stored, ranges_of(stored, count, display), chunks.frames, tops, count, display).reader()
+    fill_contrasts(chunks, tops, count, photometry or Photometry.srgb())
+    return Points(None, header, tops, chunks.frames, chunks.stored)
+
+
+def fill_contrasts(chunks: Chunks, tops: tuple[NDArray[Any], ...], points: int, photometry: Photometry) -> None:
+    """Contrasts of all inner nodes of a whole cloud of ``points`` points."""
+    stored = chunks.stored
+    near = Neighbourhood(
+        stored, ranges_of(stored, points, photometry), chunks.frames, tops, points, photometry
+    ).reader()
     for chunk in range(len(stored)):
         chunks.nodes["contrast"][chunk, : LEVEL_BEGIN[0]] = near.of(chunk)
-    tops[0]["contrast"] = chunks.nodes["contrast"][:, LEVEL_BEGIN[4]]
-    return Points(None, header, tops, chunks.frames, stored)
+    tops[0]["contrast"] = chunks.nodes["contrast"][:, LEVEL_BEGIN[CHUNK_LEVEL]]
 
 
 def _bytes(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:

@@ -181,7 +181,7 @@ class _Ingest:
         least, most = np.full(3, np.inf), np.full(3, -np.inf)
         with Spool(self.folder, POINT) as spool:
             for batch in self.cloud.batches(_BATCH):
-                low, high = batch.positions.min(axis=0), batch.positions.max(axis=0)
+                low, high = batch.box()
                 if (low < bounds[0]).any() or (high > bounds[1]).any():
                     raise _Outside
                 least, most = np.minimum(least, low), np.maximum(most, high)
@@ -201,8 +201,7 @@ class _Ingest:
                 tidy, radii = arranged(points, order, read.lattice.step, estimate=self.two_sided)
                 chunks = chunks_of(tidy, radii, read.lattice, origin, self.two_sided)
                 nodes.append(chunks.nodes)
-                stored = chunks.nodes.view(np.uint8).reshape(len(chunks.nodes), CHUNK_NODES, -1)
-                ranges.append(ranges_of(stored, len(order), self.photometry))
+                ranges.append(ranges_of(chunks.stored, len(order), self.photometry))
                 frames.append(chunks.frames)
                 roots.append(chunks.nodes[:, LEVEL_BEGIN[CHUNK_LEVEL]].copy())
                 done += len(order)

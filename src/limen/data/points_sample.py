@@ -27,7 +27,7 @@ __all__ = ["HALL_POINTS", "PointsSampleReport", "sample_points", "scanned_hall"]
 HALL_POINTS = 1_000_000
 
 _MOST_POINTS = 10_000_000_000
-_BLOCK = 1 << 18
+_BLOCK = 1 << 16
 _SIZE_M = np.array([30.0, 18.0, 8.0])
 _STATIONS_M = np.array([[6.0, 5.0, 1.7], [24.0, 5.5, 1.7], [15.0, 13.0, 1.7], [15.0, 4.0, 1.7]])
 _COLUMNS_M = np.array([(4.0 + 4.4 * i, y) for i in range(6) for y in (3.0, 15.0)])

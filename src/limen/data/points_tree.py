@@ -10,7 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.hilbert_kernels import DIGIT_BITS, KEY_LEVELS, LATTICE_BITS, hilbert_keys, round_to_lattice, sort_digit
+from limen.data.hilbert_kernels import (
+    DIGIT_BITS,
+    KEY_LEVELS,
+    LATTICE_BITS,
+    box_of,
+    crowded,
+    hilbert_keys,
+    round_to_lattice,
+    sort_digit,
+)
 from limen.data.point_group_kernels import arrange
 from limen.data.point_node_kernels import NO_NORMAL, build_chunks, pack_normals_into
 from limen.data.point_nodes import CHUNK_NODES, CHUNK_POINTS, NODE, ChunkFrame
@@ -44,7 +53,7 @@ POINT = np.dtype(
 NEUTRAL = 204
 """Grey of points whose source says nothing about colour."""
 
-_SORTED_BITS = 33
+_SORTED_LEVELS = 11
 _LONG_RUN = 32
 
 
@@ -53,6 +62,13 @@ class Lattice(NamedTuple):
 
     low: Floats  # (3,)
     step: float
+
+    @classmethod
+    def holding(cls, positions: Floats) -> tuple[Lattice, Floats]:
+        """The lattice of positions (N, 3), and their lowest and highest coordinates, (2, 3)."""
+        box = np.empty((2, 3))
+        box_of(positions, box)
+        return cls.around(*box), box
 
     @classmethod
     def around(cls, least: Floats, most: Floats) -> Lattice:
@@ -72,6 +88,11 @@ class Chunks(NamedTuple):
 
     nodes: NDArray[Any]
     frames: ChunkFrame
+
+    @property
+    def stored(self) -> NDArray[np.uint8]:
+        """The same nodes as bytes, (C, 4681, 16)."""
+        return self.nodes.view(np.uint8).reshape(len(self.nodes), CHUNK_NODES, NODE.itemsize)
 
 
 def pack_normals(normals: NDArray[Any]) -> NDArray[np.int8]:
@@ -108,27 +129,26 @@ def hilbert_order(places: NDArray[np.int32]) -> NDArray[np.uint32]:
     Eleven levels below the smallest cell that holds all are looked at, and all others where points are much denser
     somewhere than elsewhere.
     """
+    box = np.empty((2, 3), np.int32)
+    box_of(places, box)
+    shared = LATTICE_BITS - int(np.bitwise_or.reduce(box[0] ^ box[1])).bit_length()
+    levels = min(shared + _SORTED_LEVELS, KEY_LEVELS)
+    keys, order = _sorted(places, shared, levels)
+    if levels < KEY_LEVELS and crowded(keys, _LONG_RUN) > 0.01 * len(keys):
+        return _sorted(places, shared, KEY_LEVELS)[1]
+    return order
+
+
+def _sorted(places: NDArray[np.int32], shared: int, levels: int) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
+    """Sorted keys of so many levels, of which all points share the first few, and the points' numbers."""
     keys = np.empty(len(places), np.uint64)
-    hilbert_keys(places, KEY_LEVELS, keys)
-    top = int(keys.min() ^ keys.max()).bit_length()
-    low = max(0, top - _SORTED_BITS)
-    tidy, order = _sorted(keys, low, top)
-    ends = np.flatnonzero(np.diff(tidy >> np.uint64(low))) + 1
-    runs = np.diff(ends, prepend=0, append=len(keys))
-    dense = low > 0 and runs[runs > _LONG_RUN].sum() > 0.01 * len(keys)
-    return _sorted(keys, 0, top)[1] if dense else order
-
-
-def _sorted(keys: NDArray[np.uint64], low: int, top: int) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
-    """Keys in the order of their bits ``low`` to ``top``, and their numbers."""
+    hilbert_keys(places, levels, keys)
     order = np.arange(len(keys), dtype=np.uint32)
-    source, spare_keys, spare_order = keys, np.empty_like(keys), np.empty_like(order)
-    for shift in range(low, top, DIGIT_BITS):
-        sort_digit(source, order, shift, spare_keys, spare_order)
-        # The keys that came are the caller's, and stay as they are.
-        source, spare_keys = spare_keys, np.empty_like(keys) if source is keys else source
-        order, spare_order = spare_order, order
-    return source, order
+    spare_keys, spare_order = np.empty_like(keys), np.empty_like(order)
+    for shift in range(0, 3 * (levels - shared), DIGIT_BITS):
+        sort_digit(keys, order, shift, spare_keys, spare_order)
+        keys, order, spare_keys, spare_order = spare_keys, spare_order, keys, order
+    return keys, order
 
 
 def _views(points: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
