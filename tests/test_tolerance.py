@@ -105,3 +105,34 @@ def test_scheels_formula():
     pixel_m = 2 * 1.5 * math.tan(math.radians(1 / 60) / 2)
     assert scheel_px(1.5, [0.0, 60.0], pixel_m) == pytest.approx([1.0, 11.0], rel=1e-4)
     assert scheel_px([1.5, 3.0], 0.0, pixel_m) == pytest.approx([1.0, 2.0])
+
+
+def test_policies_that_spend_a_number_of_items_say_how_many():
+    policy = Policy.parse("budget+gaze:29866", "snellen")
+    assert policy == Policy("budget", 1.0, gaze=True, most_items=29866) == Policy.parse("budget+gaze", 1.0, 29866)
+    assert policy.label == "budget+gaze:29866 1'"
+    assert Policy.parse("size:5").label == Policy.parse("size:5").title == "size:5"
+    assert policy.eyesight == Policy("contrast", 1.0, gaze=True)
+    assert Policy("acuity").eyesight == Policy("acuity")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("budget", "how many triangles or splats may the policy budget spend"),
+        ("budget:0", "at least 1"),
+        ("budget:many", "is no policy: a number follows budget or size alone"),
+        ("acuity:5", "is no policy: a number follows budget or size alone"),
+        ("size+gaze:5", "no policy is named"),
+    ],
+)
+def test_what_may_be_spent_has_to_make_sense(text, says):
+    with pytest.raises(InputError, match=says):
+        Policy.parse(text)
+
+
+def test_a_number_of_items_is_for_meshes_and_points():
+    with pytest.raises(InputError, match="images and terrains take full"):
+        tolerance_of([limen.Viewer((0, 0, 0))], Policy.parse("budget:100"))
+    with pytest.raises(InputError, match="take budget for that"):
+        Policy("acuity", most_items=5)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -20,12 +20,17 @@ from limen.units import arcmin_to_rad
 from limen.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, acuity_from, eccentricity_scale
 
-__all__ = ["GAZE", "HEAD_SLACK_DEG", "POLICIES", "Policy", "Tolerance", "scheel_px", "tolerance_of"]
+__all__ = ["COUNTED", "GAZE", "HEAD_SLACK_DEG", "POLICIES", "Policy", "Tolerance", "scheel_px", "tolerance_of"]
 
-POLICIES = ("full", "acuity", "contrast", "scheel")
+POLICIES = ("full", "acuity", "contrast", "scheel", "budget", "size")
 """``full``: the ordinary mip level, whoever looks. ``acuity``: also what distance hides from the viewers.
 ``contrast``: also what is too faint to be seen there. ``scheel``: what Scheel and others allowed on the panels of a
-wall that shows a terrain, see `scheel_px`; for terrains alone."""
+wall that shows a terrain, see `scheel_px`; for terrains alone. ``budget``: as many triangles or splats as were asked
+for, those first whose absence is seen from farthest away. ``size``: as many, the largest first, whatever they show, as
+VDSlib does: to be compared with. The last two are for meshes and points."""
+
+COUNTED = ("budget", "size")
+"""Policies that spend a number of triangles or splats; in text, it follows a colon (``budget:30000``)."""
 
 GAZE = "+gaze"
 """Appended to a policy's name: also what is too far from where the viewers look."""
@@ -50,13 +55,16 @@ class Policy:
     distance_factor
         How many times farther away the viewers are taken to be than they are: 1 is the truth, more is for studies
         that look for the place where an omission becomes visible.
+    most_items
+        How many triangles or splats a policy of `COUNTED` may spend.
     """
 
-    name: Literal["full", "acuity", "contrast", "scheel"] = "acuity"
+    name: Literal["full", "acuity", "contrast", "scheel", "budget", "size"] = "acuity"
     acuity_arcmin: float = HUMAN_ARCMIN
     gaze: bool = False
     distance_factor: float = 1.0
     head_slack_deg: float = HEAD_SLACK_DEG
+    most_items: int | None = None
 
     def __post_init__(self) -> None:
         acuity_from(self.acuity_arcmin)
@@ -64,22 +72,47 @@ class Policy:
             raise InputError(f"distance_factor must be a positive number, got {self.distance_factor}")
         if not 0 <= self.head_slack_deg <= 180:
             raise InputError(f"head_slack_deg must be from 0 to 180 degrees, got {self.head_slack_deg}")
+        self._check_count()
+
+    def _check_count(self) -> None:
+        if self.name not in COUNTED:
+            if self.most_items is not None:
+                raise InputError(
+                    f"the policy {self.name} spends no number of triangles or splats: take budget for that"
+                )
+        elif self.most_items is None:
+            raise InputError(f"how many triangles or splats may the policy {self.name} spend? Say {self.name}:30000")
+        elif self.most_items < 1:
+            raise InputError(f"the policy {self.name} must be let spend at least 1, got {self.most_items}")
 
     @classmethod
-    def parse(cls, text: str, acuity_arcmin: str | float = HUMAN_ARCMIN) -> Policy:
+    def parse(cls, text: str, acuity_arcmin: str | float = HUMAN_ARCMIN, most_items: int | None = None) -> Policy:
         """A policy by name, with ``+gaze`` appended or not; ``snellen`` is short for ``acuity`` at one arcminute.
+
+        What `COUNTED` policies may spend follows a colon, or is ``most_items``.
 
         >>> Policy.parse("acuity+gaze", "snellen").label
         "acuity+gaze 1'"
+        >>> Policy.parse("budget+gaze:30000").most_items
+        30000
 
         Raises
         ------
         InputError
-            If there is no policy of that name or the acuity is impossible.
+            If there is no policy of that name, the acuity is impossible, or it is not known what may be spent.
         """
-        base = text.removesuffix(GAZE)
-        gaze = base != text
+        named, colon, count = text.partition(":")
+        base = named.removesuffix(GAZE)
+        gaze = base != named
+        if colon:
+            if base not in COUNTED or not count.isdecimal():
+                raise InputError(f"'{text}' is no policy: a number follows budget or size alone, as in budget:30000")
+            most_items = int(count)
         match base:
+            case "budget":
+                return cls(base, acuity_from(acuity_arcmin), gaze, most_items=most_items)
+            case "size" if not gaze:
+                return cls(base, most_items=most_items)
             case "full" | "scheel" if not gaze:
                 return cls(base)
             case "acuity" | "contrast":
@@ -88,17 +121,22 @@ class Policy:
                 return cls("acuity", SNELLEN_ARCMIN, gaze)
         raise InputError(
             f"no policy is named '{text}': there are {', '.join(POLICIES)} and snellen, "
-            f"acuity, contrast and snellen also with {GAZE} appended"
+            f"acuity, contrast, budget and snellen also with {GAZE} appended"
         )
+
+    @property
+    def eyesight(self) -> Policy:
+        """The policy that says what viewers see, where this one spends a number of items by it; else itself."""
+        return replace(self, name="contrast", most_items=None) if self.name in COUNTED else self
 
     @property
     def title(self) -> str:
         """The name as people type it, without the acuity."""
-        return self.name + GAZE * self.gaze
+        return self.name + GAZE * self.gaze + (f":{self.most_items}" if self.name in COUNTED else "")
 
     @property
     def label(self) -> str:
-        return self.name if self.name in ("full", "scheel") else f"{self.title} {self.acuity_arcmin:g}'"
+        return self.title if self.name in ("full", "scheel", "size") else f"{self.title} {self.acuity_arcmin:g}'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,10 +211,16 @@ def tolerance_of(viewers: Iterable[Viewer], policy: Policy) -> Tolerance:
     Raises
     ------
     InputError
-        For the policy ``scheel``, which knows panels and no places: see `limen.select.visibility.panel_demands`.
+        For the policy ``scheel``, which knows panels and no places: see `limen.select.visibility.panel_demands`; and
+        for those of `COUNTED`, of which whoever can spend items asks for the `Policy.eyesight`.
     """
     if policy.name == "scheel":
         raise InputError("the policy scheel gives panels of a terrain one error each: take acuity for anything else")
+    if policy.name in COUNTED:
+        raise InputError(
+            f"the policy {policy.name} spends triangles of a mesh or splats of a cloud: images and terrains take full, "
+            "acuity or contrast"
+        )
     rows: list[Floats] = []
     if policy.name != "full":
         for viewer in viewers:
