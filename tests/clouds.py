@@ -11,7 +11,7 @@ from limen.data.points_file import Points
 def ball(count: int = 20_000, seed: int = 3, *, normals: bool = True) -> Points:
     """Points on a ball of about 1 m, with stripes; denser near its top."""
     rng = np.random.default_rng(seed)
-    way = rng.normal(size=(count, 3)) + [0, 0.4, 0]
+    way = rng.normal(size=(count, 3)) + np.array([0, 0.4, 0])
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     bumps = 1 + 0.05 * np.sin(9 * way[:, 0]) * np.cos(7 * way[:, 2])
     shade = np.where(np.sin(25 * way[:, 1]) > 0, 200, 90) + rng.integers(-10, 10, count)

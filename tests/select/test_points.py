@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.clouds import ball
 
 from limen.data.point_nodes import (
     ALL_AROUND,
@@ -27,7 +28,6 @@ from limen.select.shares import shares_of_codes
 from limen.tolerance import Policy, tolerance_of
 from limen.view import PanelViews, Windows
 from limen.viewer import Viewer
-from tests.clouds import ball
 
 CLOUD = ball()
 TREE = PointTree.of(CLOUD)
@@ -268,8 +268,8 @@ def test_what_is_not_resident_is_drawn_as_its_top_and_asked_for():
 
 
 def test_the_more_viewers_the_finer():
-    alone = [Viewer((0, 0, 0), eye_separation_m=0)]
-    together = [*alone, Viewer((0, 0, -15), eye_separation_m=0)]
+    alone = [Viewer((0, 0, 0), acuity_arcmin=20, eye_separation_m=0)]
+    together = [*alone, Viewer((0, 0, -15), acuity_arcmin=20, eye_separation_m=0)]
     one, two = (len(select_points(TREE, ALL, sight("acuity", 20.0, viewers=each))) for each in (alone, together))
     assert two > one
 

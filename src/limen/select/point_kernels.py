@@ -199,8 +199,8 @@ def cut_tops(
         u, v = np.int8(small[row, 0]), np.int8(small[row, 1])
         visits += 1
         k = judged(
-            x, y, z, radii[row] * size, u, v, np.int64(small[row, 2]), np.int64(small[row, 3]), panel, eyes, place, size, light, shares,
-            mode, two_sided,
+            x, y, z, radii[row] * size, u, v, np.int64(small[row, 2]), np.int64(small[row, 3]), panel, eyes, place,
+            size, light, shares, mode, two_sided,
         )  # fmt: skip
         if k < 0.0:
             if counting and above < math.inf:
