@@ -26,6 +26,7 @@ __all__ = [
     "SORT_FRAME",
     "corner_rows",
     "grid_words",
+    "least_cosine",
     "scene_row",
     "sort_frame",
     "view_rows",
@@ -197,13 +198,13 @@ def scene_row(
     """
     row = np.zeros(1, SCENE)
     row["vertices"], row["panels"], row["near"], row["light"] = vertices, len(falloff), near_m, light
-    row["least_cosine"] = _least_cosine(views, falloff)
+    row["least_cosine"] = least_cosine(views, falloff)
     row["forward"][0, : len(forward), :3] = forward
     row["normal_from_mesh"][0, :, :3] = np.linalg.inv(np.asarray(room_from_mesh)[:3, :3]).T
     return row
 
 
-def _least_cosine(views: Sequence[PanelViews], falloff: Floats) -> float:
+def least_cosine(views: Sequence[PanelViews], falloff: Floats) -> float:
     """Of the angle between a panel's normal and the way to the eye, over the corners of panels that lose light."""
     least = 1.0
     for view in views:

@@ -16,6 +16,7 @@ from limen.gpu.adapters import driver_advice
 __all__ = ["Device", "open_device"]
 
 _CLIP = "clip-distances"
+_WIDE = ("shader-int64", "shader-int64-atomic-min-max")
 
 _WANTED_LIMITS = (
     "max-texture-dimension-2d",
@@ -47,6 +48,8 @@ class Device:
         The 'GPU' is the CPU.
     can_clip
         Vertex stages may clip by distances.
+    has_wide_atomics
+        Shaders may take the largest of 64-bit numbers atomically.
     """
 
     wgpu: Any
@@ -56,6 +59,7 @@ class Device:
     max_binding_bytes: int
     is_software: bool
     can_clip: bool = False
+    has_wide_atomics: bool = False
 
     def destroy(self) -> None:
         self.wgpu.destroy()
@@ -87,6 +91,7 @@ def open_device(*, prefer: str | None = None) -> Device:
     wanted = {name: offered[name] for name in _WANTED_LIMITS if name in offered}
     try:
         features = [_CLIP] if _CLIP in adapter.features else []
+        features += _WIDE if set(_WIDE) <= set(adapter.features) else ()
         device = adapter.request_device_sync(label="limen", required_limits=wanted, required_features=features)
     except RuntimeError as error:
         raise NoAdapterError(f"{adapter.summary} could not be opened: {_one_line(error)}") from None
@@ -98,7 +103,8 @@ def open_device(*, prefer: str | None = None) -> Device:
         max_layers=limits["max-texture-array-layers"],
         max_binding_bytes=limits["max-storage-buffer-binding-size"],
         is_software=adapter.info["adapter_type"] == "CPU",
-        can_clip=bool(features),
+        can_clip=_CLIP in features,
+        has_wide_atomics=_WIDE[0] in features,
     )
 
 

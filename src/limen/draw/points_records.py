@@ -1,0 +1,116 @@
+"""Rows that the shaders of clouds of points read. No GPU here.
+
+The dtypes are the structs of ``points.wgsl``, field by field; a test compares them.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.draw.views import least_cosine
+from limen.geometry import Floats
+from limen.view import PanelViews, Windows
+
+__all__ = ["CHUNK_ROW", "CLOUD", "PLACED", "RAYS", "chunk_row", "cloud_row", "ray_rows", "stride_of"]
+
+Rows: TypeAlias = NDArray[np.void]
+
+_LIGHT = np.array([0.35, 0.8, 0.5]) / np.linalg.norm([0.35, 0.8, 0.5])
+_AMBIENT = 0.25
+
+RAYS = np.dtype([("across", "<f4", 4), ("along", "<f4", 4), ("base", "<f4", 4), ("bounds", "<f4", 4)])
+CHUNK_ROW = np.dtype(
+    [
+        ("origin", "<f4", 3),
+        ("step", "<f4"),
+        ("radius", "<f4"),
+        ("padding_a", "<f4"),
+        ("padding_b", "<f4"),
+        ("padding_c", "<f4"),
+    ]
+)
+CLOUD = np.dtype(
+    [
+        ("way_from_cloud", "<f4", (3, 4)),
+        ("normal_from_cloud", "<f4", (3, 4)),
+        ("light", "<f4", 4),
+        ("background", "<f4", 4),
+        ("least_cosine", "<f4"),
+        ("unit_m", "<f4"),
+        ("is_lit", "<u4"),
+        ("pairs", "<u4"),
+        ("stride", "<u4"),
+        ("width", "<u4"),
+        ("height", "<u4"),
+        ("padding", "<u4"),
+    ]
+)
+PLACED = np.dtype(
+    [
+        ("way", "<f4", 3),
+        ("reach", "<f4"),
+        ("first", "<u4"),
+        ("last", "<u4"),
+        ("middle", "<u4"),
+        ("view", "<u4"),
+        ("depth", "<u4"),
+        ("is_inside", "<u4"),
+        ("padding_a", "<u4"),
+        ("padding_b", "<u4"),
+    ]
+)
+
+
+def stride_of(width_px: int) -> int:
+    """Words of a row of ids: as textures are copied to buffers, whose rows begin at multiples of 256 bytes."""
+    return -(-width_px // 64) * 64
+
+
+def ray_rows(windows: Windows, views: PanelViews) -> Rows:
+    """Rows of `RAYS`: along which way each pixel sees, and which pixels may be each panel's."""
+    rows = np.zeros(len(views.near), RAYS)
+    inverse = np.linalg.inv(views.clip)
+    width, height = windows.quilt.size_px
+    rows["across"][:, :3] = inverse[:, :, 0] * (2 / width)
+    rows["along"][:, :3] = inverse[:, :, 1] * (-2 / height)
+    rows["base"][:, :3] = inverse @ np.array([-1.0, 1.0, 1.0])
+    rows["bounds"] = windows.bounds_px
+    return rows
+
+
+def chunk_row(origin: NDArray[np.float32], step: float, radius: float) -> Rows:
+    """The one row of `CHUNK_ROW`, in the cloud's unit."""
+    row = np.zeros(1, CHUNK_ROW)
+    row["origin"], row["step"], row["radius"] = origin, step, radius
+    return row
+
+
+def cloud_row(
+    windows: Windows,
+    views: PanelViews,
+    way_from_cloud: Floats,
+    unit_m: float,
+    *,
+    pairs: int,
+    lit: bool,
+    background: tuple[float, float, float],
+) -> Rows:
+    """The one row of `CLOUD`.
+
+    Parameters
+    ----------
+    way_from_cloud
+        From the cloud's coordinates to the way from the eye, metres: (3, 4), a rotation times ``unit_m``, and a move.
+    """
+    row = np.zeros(1, CLOUD)
+    row["way_from_cloud"] = way_from_cloud
+    row["normal_from_cloud"][0, :, :3] = way_from_cloud[:, :3] / unit_m
+    row["light"], row["background"][0, :3] = [*_LIGHT, _AMBIENT], background
+    row["least_cosine"] = least_cosine([views], windows.light[1])
+    row["unit_m"], row["is_lit"], row["pairs"] = unit_m, lit, pairs
+    row["width"], row["height"] = windows.quilt.size_px
+    row["stride"] = stride_of(windows.quilt.size_px[0])
+    return row
