@@ -70,7 +70,7 @@ class LiveOutputs:
             target=surface.target, target_format=surface.target_format,
         )  # fmt: skip
         self.last[number] = report
-        return f"{quilt.output or number}   {report.panels_active} panels, {report.triangles:,} triangles   {_HELP}"
+        return f"{quilt.output or number}   {report.panels_active} panels, {report.drawn}   {_HELP}"
 
     def handle(self, event: dict[str, Any]) -> None:
         if event["event_type"] != "key_down":

@@ -105,7 +105,7 @@ class LiveScene:
         else:
             self._draw_display(self._stage, self._simulated, surface)
         assert self.last is not None
-        counts = f"{self.last.panels_active} panels, {self.last.triangles:,} triangles"
+        counts = f"{self.last.panels_active} panels, {self.last.drawn}"
         return f"{self._exhibit.name}   {counts}   {_HELP}"
 
     def handle(self, event: dict[str, Any]) -> None:

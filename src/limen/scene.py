@@ -52,6 +52,10 @@ class SceneReport:
     sort_ms: float
     draw_ms: float
 
+    @property
+    def drawn(self) -> str:
+        return f"{self.triangles:,} triangles"
+
     @classmethod
     def of(cls, quilts: Sequence[SceneReport]) -> SceneReport:
         """One report for all quilts of a frame."""

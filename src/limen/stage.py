@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from limen.data.mesh import Mesh
 from limen.data.mesh_sample import ripple
@@ -26,6 +27,7 @@ from limen.viewer import Viewer
 __all__ = [
     "STILL",
     "Animation",
+    "Bounded",
     "Exhibit",
     "MeshExhibit",
     "MeshStage",
@@ -33,6 +35,7 @@ __all__ = [
     "Shown",
     "Stage",
     "Turn",
+    "about_middle",
     "check_one_picture",
     "posed",
 ]
@@ -58,7 +61,9 @@ class Shown(Protocol):
     @property
     def panels_active(self) -> int: ...
     @property
-    def triangles(self) -> int: ...
+    def drawn(self) -> str:
+        """How many of what were drawn, for people."""
+        ...
 
 
 class Stage(Protocol):
@@ -95,9 +100,18 @@ class Exhibit(Protocol):
     def on(self, device: Device, display: Display) -> Stage: ...
 
 
+class Bounded(Protocol):
+    """What stands somewhere."""
+
+    @property
+    def bounds(self) -> NDArray[Any]:
+        """Smallest and largest coordinates, shape (2, 3)."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class SceneSettings:
-    """How a mesh is shown, and where it stands."""
+    """How a mesh or a cloud of points is shown, and where it stands."""
 
     stereo: Stereo = "none"
     animate: Animation = "none"
@@ -107,8 +121,8 @@ class SceneSettings:
     turn_deg: float = 0.0
     background: tuple[float, float, float] = BACKGROUND
 
-    def room_from_mesh(self, mesh: Mesh, display: Display, time_s: float = 0.0) -> Floats:
-        """Where the mesh stands at a time, shape (4, 4)."""
+    def room_from_mesh(self, mesh: Bounded, display: Display, time_s: float = 0.0) -> Floats:
+        """Where a mesh (or a cloud of points) stands at a time, shape (4, 4)."""
         turned = self.turn_deg + (_TURN_DEG_PER_S * time_s if self.animate == "turn" else 0.0)
         return mesh_in_room(mesh.bounds, display, size_m=self.size_m, at_m=self.at_m, up=self.up, turn_deg=turned)
 
@@ -154,7 +168,7 @@ class MeshStage:
         posed(self._renderer, self._mesh, self._settings, time_s)
         if turn != STILL:
             stood = self._settings.room_from_mesh(self._mesh, self._renderer.display, time_s)
-            self._renderer.room_from_mesh = _about_middle(stood, self._mesh, turn)
+            self._renderer.room_from_mesh = about_middle(stood, self._mesh.bounds, turn)
         elif self._settings.animate != "turn":
             self._renderer.room_from_mesh = self._settings.room_from_mesh(self._mesh, self._renderer.display)
 
@@ -196,12 +210,12 @@ class MeshExhibit:
         return MeshStage(device, display, self.mesh, self.settings)
 
 
-def _about_middle(room_from_mesh: Floats, mesh: Mesh, turn: Turn) -> Floats:
-    """The same place for the mesh's middle, turned and scaled about it."""
+def about_middle(room_from_mesh: Floats, bounds: NDArray[Any], turn: Turn) -> Floats:
+    """The same place for the middle of what has these bounds, (2, 3), turned and scaled about it."""
     yaw, pitch = math.radians(turn.yaw_deg), math.radians(turn.pitch_deg)
     about_y = np.array([[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]])
     about_x = np.array([[1, 0, 0], [0, math.cos(pitch), -math.sin(pitch)], [0, math.sin(pitch), math.cos(pitch)]])
-    middle = np.append(mesh.bounds.mean(axis=0), 1.0)
+    middle = np.append(bounds.mean(axis=0), 1.0)
     stood = room_from_mesh @ middle
     matrix = np.array(room_from_mesh)
     matrix[:3, :3] = about_x @ about_y @ matrix[:3, :3] / turn.nearer

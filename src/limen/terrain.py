@@ -65,6 +65,10 @@ class TerrainReport:
     stream_ms: float
     draw_ms: float
 
+    @property
+    def drawn(self) -> str:
+        return f"{self.triangles:,} triangles"
+
     @classmethod
     def of(cls, quilts: Sequence[TerrainReport]) -> TerrainReport:
         """One report for all quilts of a frame."""

@@ -64,6 +64,13 @@ def _is_outside(x, y, z, radius, panel):
 
 
 @njit(cache=True, nogil=True)
+def _pixels(x, y, z, radius, panel):
+    """The diameter of a sphere on the panel, as it is nearest."""
+    deep = panel[24] * x + panel[25] * y + panel[26] * z - radius
+    return math.inf if deep <= 0.0 else 2.0 * radius * panel[27] / deep
+
+
+@njit(cache=True, nogil=True)
 def _lit_range(cosine, spread, two_sided):
     """Least and largest of a cosine over directions up to ``spread`` radians around one of that cosine."""
     angle = math.acos(min(max(cosine, -1.0), 1.0))
@@ -116,8 +123,7 @@ def judged(x, y, z, radius, u, v, cone, code, panel, eyes, place, size, light, s
     """
     if _is_outside(x, y, z, radius, panel):
         return -1.0
-    deep = panel[24] * x + panel[25] * y + panel[26] * z - radius
-    pixels = math.inf if deep <= 0.0 else 2.0 * radius * panel[27] / deep
+    pixels = _pixels(x, y, z, radius, panel)
     away = math.sqrt(x * x + y * y + z * z)
     if cone != ALL_AROUND and away > radius:
         nx, ny, nz = _normal(u, v)
@@ -180,14 +186,15 @@ def cut_tops(
 
     Returns
     -------
-    How many are drawn, how many opened, how many nodes were judged, the largest ``k`` drawn.
+    How many are drawn, how many opened, how many nodes were judged, the largest ``k`` drawn and the largest diameter,
+    pixels.
     """
     counting = histogram.shape[0] > 0
     stack = np.empty(8 * 16 * FAN, np.int64)
     stack_level = np.empty(8 * 16 * FAN, np.int64)
     stack_k = np.empty(8 * 16 * FAN, np.float64)
     stack[0], stack_level[0], stack_k[0] = 0, root, math.inf
-    depth, draws, opens, visits, largest = 1, 0, 0, 0, 0.0
+    depth, draws, opens, visits, largest, widest = 1, 0, 0, 0, 0.0, 0.0
     while depth > 0:
         depth -= 1
         index, level, above = stack[depth], stack_level[depth], stack_k[depth]
@@ -211,6 +218,7 @@ def cut_tops(
             drawn[draws] = row
             draws += 1
             largest = max(largest, k)
+            widest = max(widest, _pixels(x, y, z, radii[row] * size, panel))
             continue
         if level == 0:
             wanted_k[index] = max(wanted_k[index], k)
@@ -218,6 +226,7 @@ def cut_tops(
                 drawn[draws] = row
                 draws += 1
                 largest = max(largest, k)
+                widest = max(widest, _pixels(x, y, z, radii[row] * size, panel))
                 continue
             opened[opens], opened_k[opens] = index, k
             opens += 1
@@ -228,7 +237,7 @@ def cut_tops(
         for child in range(last - 1, first - 1, -1):
             stack[depth], stack_level[depth], stack_k[depth] = child, level - 1, k
             depth += 1
-    return draws, opens, visits, largest
+    return draws, opens, visits, largest, widest
 
 
 @njit(cache=True, nogil=True)
@@ -255,14 +264,14 @@ def cut_chunks(
 
     Returns
     -------
-    How many are (or were to be) drawn, how many nodes were judged, the largest ``k`` of inner nodes drawn.
+    How many are (or were to be) drawn, how many nodes were judged, the largest ``k`` and diameter of inner nodes drawn.
     """
     counting = histogram.shape[0] > 0
     room = drawn.shape[0]
     stack = np.empty(8 * FAN, np.int64)
     stack_level = np.empty(8 * FAN, np.int64)
     stack_k = np.empty(8 * FAN, np.float64)
-    draws, visits, largest = 0, 0, 0.0
+    draws, visits, largest, thickest = 0, 0, 0.0, 0.0
     for entry in range(begin, end):
         chunk = chunks[entry]
         slot = slots[chunk]
@@ -292,9 +301,10 @@ def cut_chunks(
             x = bx + place[0, 0] * px + place[0, 1] * py + place[0, 2] * pz
             y = by + place[1, 0] * px + place[1, 1] * py + place[1, 2] * pz
             z = bz + place[2, 0] * px + place[2, 1] * py + place[2, 2] * pz
+            radius = radius_of_code[(second >> 16) & 0xFF] * widest
             visits += 1
             k = judged(
-                x, y, z, radius_of_code[(second >> 16) & 0xFF] * widest, np.int8(third & 0xFF),
+                x, y, z, radius, np.int8(third & 0xFF),
                 np.int8((third >> 8) & 0xFF), (third >> 16) & 0xFF, second >> 24, panel, eyes, place, size, light,
                 shares, mode, two_sided,
             )  # fmt: skip
@@ -309,6 +319,7 @@ def cut_chunks(
                 draws += 1
                 if level > 0:
                     largest = max(largest, k)
+                    thickest = max(thickest, _pixels(x, y, z, radius, panel))
                 continue
             if level == 0:
                 continue
@@ -320,4 +331,4 @@ def cut_chunks(
             for child in range(end_child - 1, begin_child - 1, -1):
                 stack[depth], stack_level[depth], stack_k[depth] = child, level - 1, k
                 depth += 1
-    return draws, visits, largest
+    return draws, visits, largest, thickest

@@ -153,6 +153,8 @@ class PointCut:
     reached
         The largest ``k`` of what is drawn in the place of something finer: below 1 it is invisible; more than `limit`
         while chunks are missing.
+    largest_px
+        Diameter of the largest node drawn in the place of something finer, pixels of its panel.
     judged
         How many nodes were looked at.
     """
@@ -161,6 +163,7 @@ class PointCut:
     wanted: Index
     limit: float
     reached: float
+    largest_px: float
     judged: int
 
     def __len__(self) -> int:
@@ -194,14 +197,14 @@ def select_points(
             assert sight.policy.most_items is not None
             limit = _limit_of_budget(told, pool, rows[panels], sight.policy.most_items)
         wanted_k = np.zeros(tree.chunks)
-        parts, reached, judged = [], 0.0, 0
+        parts, reached, largest_px, judged = [], 0.0, 0.0, 0
         for panel in panels:
-            items, largest, visits = told.cut(pool, rows[panel], limit, wanted_k)
+            items, largest, widest, visits = told.cut(pool, rows[panel], limit, wanted_k)
             parts.append(np.stack([items, np.full(len(items), panel, np.uint32)], axis=1))
-            reached, judged = max(reached, largest), judged + visits
+            reached, largest_px, judged = max(reached, largest), max(largest_px, widest), judged + visits
     pairs = np.concatenate(parts) if parts else np.zeros((0, 2), np.uint32)
     wanted = np.flatnonzero(wanted_k > 0)
-    return PointCut(pairs, wanted[np.argsort(-wanted_k[wanted], kind="stable")], limit, reached, judged)
+    return PointCut(pairs, wanted[np.argsort(-wanted_k[wanted], kind="stable")], limit, reached, largest_px, judged)
 
 
 class _Told:
@@ -228,40 +231,43 @@ class _Told:
             np.empty(tree.chunks),
         )
         root = len(tree.level_first) - 1
-        draws, opens, visits, largest = cut_tops(
+        draws, opens, visits, largest, widest = cut_tops(
             tree.level_first, tree.level_count, root, tree.places, tree.radii, tree.small, panel, *self.seen, limit,
             self.resident.slots, drawn, opened, opened_k, wanted_k, histogram,
         )  # fmt: skip
-        return drawn[:draws], opened[:opens], opened_k[:opens], visits, largest
+        return drawn[:draws], opened[:opens], opened_k[:opens], visits, largest, widest
 
     def chunks(
         self, panel: Floats, limit: float, opened: Index, opened_k: Floats, span: tuple[int, int], histogram: Index
-    ) -> tuple[Index, int, float]:
-        """Some of the opened chunks: items, nodes judged, largest ``k``."""
+    ) -> tuple[Index, int, float, float]:
+        """Some of the opened chunks: items, nodes judged, largest ``k`` and diameter."""
         tree, resident = self.tree, self.resident
         room = 0 if len(histogram) else (span[1] - span[0]) * _FIRST_ROOM
         while True:
             drawn = np.empty(room, np.int64)
-            draws, visits, largest = cut_chunks(
+            draws, visits, largest, widest = cut_chunks(
                 opened, opened_k, *span, resident.slots, tree.points, tree.origins, tree.steps, tree.largest_radii,
                 self.radius_of_code, resident.words, panel, *self.seen, limit, drawn, histogram,
             )  # fmt: skip
             if draws <= room:
-                return drawn[:draws], visits, largest
+                return drawn[:draws], visits, largest, widest
             room = draws
 
-    def cut(self, pool: ThreadPoolExecutor, panel: Floats, limit: float, wanted_k: Floats) -> tuple[Any, float, int]:
+    def cut(
+        self, pool: ThreadPoolExecutor, panel: Floats, limit: float, wanted_k: Floats
+    ) -> tuple[Any, float, float, int]:
         nothing = np.zeros(0, np.int64)
-        tops, opened, opened_k, visits, largest = self.tops(panel, limit, wanted_k, nothing)
+        tops, opened, opened_k, visits, largest, widest = self.tops(panel, limit, wanted_k, nothing)
         spans = _spans(len(opened))
         parts = list(pool.map(lambda span: self.chunks(panel, limit, opened, opened_k, span, nothing), spans))
         items = np.concatenate([tops + TOP_ITEM, *(part[0] for part in parts)]).astype(np.uint32)
-        return items, max([largest, *(part[2] for part in parts)]), visits + sum(part[1] for part in parts)
+        largest, widest = (max([top, *(part[n] for part in parts)]) for n, top in ((2, largest), (3, widest)))
+        return items, largest, widest, visits + sum(part[1] for part in parts)
 
     def count(self, pool: ThreadPoolExecutor, panel: Floats) -> Index:
         """What opening nodes adds to the number of splats, by the bin of their ``k``: (256,)."""
         histogram = np.zeros(BINS, np.int64)
-        _, opened, opened_k, _, _ = self.tops(panel, 0.0, np.zeros(self.tree.chunks), histogram)
+        _, opened, opened_k, *_ = self.tops(panel, 0.0, np.zeros(self.tree.chunks), histogram)
 
         def counted(span: tuple[int, int]) -> Index:
             own = np.zeros(BINS, np.int64)
