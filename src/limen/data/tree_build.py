@@ -1,0 +1,281 @@
+"""``build_vertex_tree``: a mesh's vertices joined two by two, in the order in which joining them changes the surface.
+
+Edges are collapsed as Garland and Heckbert do, and every collapse is a node of the tree; so a cut through the tree by
+error is about the mesh that they would draw with as many triangles. What stays when no edge may be collapsed any more
+(a tetrahedron of a closed surface, the rims of an open one, all of one that is no manifold) is joined by place.
+
+References
+----------
+Garland, Heckbert 1997, *Surface Simplification Using Quadric Error Metrics*.
+Luebke, Hallen 2001, *Perceptually Driven Simplification for Interactive Rendering*, section 5.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from limen.data import tree_kernels, tree_node_kernels
+from limen.data.mesh import NO_TEXTURE, Mesh
+from limen.data.resample import linear_of_srgb, srgb_of_linear
+from limen.data.vertex_tree import MASK_WORDS, VertexTree
+from limen.geometry import Floats
+from limen.vision.grades import FULL_CODE, code_of_luminances
+from limen.vision.luminance import Photometry
+
+__all__ = ["build_vertex_tree"]
+
+Ints = NDArray[np.int32]
+
+ALL_CELLS = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
+_CUT_OUT = 128
+"""Opacity below which nothing is drawn."""
+
+
+class _Forest(NamedTuple):
+    """Nodes as collapses make them, in arrays with room for all; places from the mesh's middle, in units of its size.
+
+    There are never more than two nodes a vertex, for every inner one has at least two children.
+    """
+
+    numbers: Ints  # (V,): the node that stands for a vertex and all at its place
+    corners: Ints  # (3 T,): nodes, -1 where a triangle is gone
+    parent: Ints  # (2 V,)
+    place: Floats  # (2 V, 3)
+    kind: NDArray[np.int8]  # (2 V,)
+    quadrics: Floats  # (2 V, 10)
+    displacement: Floats  # (2 V,)
+
+    def weight(self, nodes: Ints) -> Floats:
+        """Areas around nodes, about."""
+        return np.asarray(self.quadrics[nodes][:, [0, 3, 5]].sum(axis=1))
+
+
+def build_vertex_tree(mesh: Mesh, photometry: Photometry | None = None) -> VertexTree:
+    """Join the vertices of a mesh to a forest, one root for each connected part.
+
+    Vertices of one place are joined first. Where textures meet, a place has several vertices, and each keeps it: others
+    may be joined to one of them, but never two of them. Vertices of no triangle are roots.
+
+    Parameters
+    ----------
+    mesh
+        Any: open, no manifold, in many parts, with triangles of no area.
+    photometry
+        Of the display that shows it, for the contrast of colours; sRGB without it.
+    """
+    low, high = mesh.bounds.astype(float)
+    middle, size = (low + high) / 2, float((high - low).max()) or 1.0
+    forest = _rooted(mesh, middle, size)
+    nodes = _join_parts(forest, _collapse(forest))
+    vertices, parent = len(mesh.positions), forest.parent[:nodes]
+    position = (forest.place[:nodes] * size + middle).astype(np.float32)
+    position[:vertices] = mesh.positions
+    regions = _regions(mesh, parent, position, forest.kind[:nodes], forest.kind[forest.numbers])
+    normal, colour = _means(mesh, parent, regions.area)
+    displacement = np.minimum(forest.displacement[vertices:nodes] * size, regions.way)
+    tree_node_kernels.rise(parent, vertices, displacement)
+    return VertexTree(
+        triangles=mesh.triangles,
+        parent=parent.copy(),
+        position=position,
+        normal=normal,
+        colour=colour,
+        middle=regions.middle,
+        radius=regions.radius,
+        displacement=displacement.astype(np.float32),
+        contrast=_contrasts(mesh, parent, colour, photometry or Photometry.srgb()),
+        mask=regions.mask,
+    )
+
+
+def _rooted(mesh: Mesh, middle: Floats, size: float) -> _Forest:
+    """A forest of the vertices, and of the nodes that join those of one place."""
+    first, apart = _welds(mesh)
+    vertices = len(first)
+    shared = np.flatnonzero(np.bincount(first, minlength=vertices) > 1)
+    numbers = np.arange(vertices, dtype=np.int32)
+    numbers[shared] = vertices + np.arange(len(shared))
+    numbers = numbers[first]
+    room = 2 * vertices
+    parent, kind, place = np.full(room, -1, np.int32), np.zeros(room, np.int8), np.zeros((room, 3))
+    below = numbers >= vertices
+    parent[:vertices][below] = numbers[below]
+    kind[:vertices][apart] = tree_kernels.APART
+    place[:vertices] = (mesh.positions - middle) / size
+    place[numbers[shared]] = place[shared]
+    corners = numbers[mesh.triangles]
+    a, b, c = corners.T
+    corners[(a == b) | (b == c) | (c == a)] = -1
+    return _Forest(numbers, corners.ravel(), parent, place, kind, np.zeros((room, 10)), np.zeros(room))
+
+
+def _welds(mesh: Mesh) -> tuple[Ints, NDArray[np.bool_]]:
+    """The first vertex at each one's place, (V,), and where textures meet; there every vertex is its own first."""
+    first = np.empty(len(mesh.positions), np.int32)
+    tree_node_kernels.weld_places((mesh.positions + np.float32(0)).view(np.int32), first)  # -0 becomes 0
+    apart = np.zeros(len(first), bool)
+    if len(mesh.textures):
+        other = (mesh.uv != mesh.uv[first]).any(axis=1) & (mesh.layers != NO_TEXTURE)
+        apart[first[other | (mesh.layers != mesh.layers[first])]] = True
+        apart = apart[first]
+        first[apart] = np.flatnonzero(apart)
+    return first, apart
+
+
+def _collapse(forest: _Forest) -> int:
+    """Collapse edges until none may be; returns the number of nodes."""
+    vertices = len(forest.numbers)
+    begin = int(max(forest.numbers.max() + 1, vertices))
+    room = len(forest.parent)
+    head, tail = np.full(room, -1, np.int32), np.full(room, -1, np.int32)
+    following = np.full(len(forest.corners), -1, np.int32)
+    tree_kernels.link_corners(forest.corners, head, tail, following)
+    tree_kernels.sum_quadrics(forest.corners, forest.place, forest.quadrics)
+    tree_kernels.classify(forest.corners, head[:begin], following, forest.place, forest.kind, forest.quadrics)
+    return int(
+        tree_kernels.collapse(
+            forest.corners,
+            head,
+            tail,
+            following,
+            forest.place,
+            forest.kind,
+            forest.quadrics,
+            forest.parent,
+            forest.displacement,
+            begin,
+        )
+    )
+
+
+def _join_parts(forest: _Forest, nodes: int) -> int:
+    """Join what is left of every connected part, neighbours in the order of a curve two by two; number of nodes."""
+    left = forest.corners[forest.corners >= 0].reshape(-1, 3)
+    roots = np.unique(left)
+    if not len(roots):
+        return nodes
+    edges = np.searchsorted(roots, left)
+    links = coo_array((np.ones(2 * len(left)), (edges[:, [0, 0]].ravel(), edges[:, 1:].ravel())), (len(roots),) * 2)
+    part = connected_components(links, directed=False)[1]
+    free = forest.kind[roots] != tree_kernels.APART
+    roots, part = roots[free], part[free]
+    order = np.lexsort((_along_curve(forest.place[roots]), part))
+    roots, part = roots[order], part[order]
+    while True:
+        place = np.arange(len(part)) - np.searchsorted(part, part)
+        one = np.flatnonzero((place % 2 == 0) & np.append(part[1:] == part[:-1], False))
+        if not len(one):
+            return nodes
+        new = nodes + np.arange(len(one), dtype=np.int32)
+        _join_pairs(forest, roots[one], roots[one + 1], new)
+        nodes += len(one)
+        roots[one] = new
+        roots, part = np.delete(roots, one + 1), np.delete(part, one + 1)
+
+
+def _join_pairs(forest: _Forest, one: Ints, other: Ints, new: Ints) -> None:
+    heavy, rest = forest.weight(one), forest.weight(other)
+    share = np.divide(heavy, heavy + rest, out=np.full(len(one), 0.5), where=heavy + rest > 0)[:, None]
+    forest.place[new] = share * forest.place[one] + (1 - share) * forest.place[other]
+    for child in (one, other):
+        forest.parent[child] = new
+        moved = forest.displacement[child] + np.linalg.norm(forest.place[child] - forest.place[new], axis=1)
+        forest.displacement[new] = np.maximum(forest.displacement[new], moved)
+    forest.quadrics[new] = forest.quadrics[one] + forest.quadrics[other]
+    forest.kind[new] = tree_kernels.FIXED
+
+
+def _along_curve(place: Floats) -> NDArray[np.int64]:
+    """Numbers of places (n, 3) from -0.5 to 0.5 in Morton order, 20 bits an axis."""
+    steps = ((place + 0.5) * ((1 << 20) - 1)).astype(np.int64)
+    numbers = np.zeros(len(place), np.int64)
+    for bit in range(20):
+        for axis in range(3):
+            numbers |= ((steps[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return numbers
+
+
+class _Regions(NamedTuple):
+    """What the triangles around all vertices below a node reach."""
+
+    middle: NDArray[np.float32]
+    radius: NDArray[np.float32]
+    mask: NDArray[np.uint64]
+    area: Floats
+    way: Floats
+    """The longest from a vertex to the proxy: whatever is folded, no part of the surface moves farther."""
+
+
+def _regions(
+    mesh: Mesh, parent: Ints, position: NDArray[np.float32], kind: NDArray[np.int8], kind_of_vertex: NDArray[np.int8]
+) -> _Regions:
+    vertices, nodes = len(mesh.positions), len(parent)
+    box = np.tile(np.array([np.inf] * 3 + [-np.inf] * 3, np.float32), (nodes, 1))
+    ring2, area = np.full(vertices, -1.0), np.zeros(nodes)
+    leaf_mask = np.zeros((vertices, MASK_WORDS), np.uint64)
+    mask = np.zeros((nodes - vertices, MASK_WORDS), np.uint64)
+    tree_node_kernels.leaf_regions(mesh.triangles, position, mesh.normals, box, ring2, leaf_mask, area)
+    leaf_mask[(kind_of_vertex == tree_kernels.RIM) | (kind_of_vertex == tree_kernels.FIXED)] = ALL_CELLS
+    tree_node_kernels.merge_regions(parent, position, box, leaf_mask, mask)
+    low, high = box[vertices:, :3].astype(float), box[vertices:, 3:].astype(float)
+    middle = ((low + high) / 2).astype(np.float32)
+    radius = np.linalg.norm(position[vertices:] - middle.astype(float), axis=1)
+    ring = np.where(ring2 < 0, -1.0, np.sqrt(np.maximum(ring2, 0)))
+    way2 = np.zeros(nodes - vertices)
+    tree_node_kernels.reach_up(parent, position, ring, middle, radius, way2)
+    radius = np.minimum(radius, np.linalg.norm(np.maximum(high - middle, middle - low), axis=1))
+    return _Regions(middle, np.nextafter(radius.astype(np.float32), np.float32(np.inf)), mask, area, np.sqrt(way2))
+
+
+def _means(mesh: Mesh, parent: Ints, area: Floats) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Normals and colours of nodes: means over the vertices below, weighted by the areas around them."""
+    vertices, nodes = len(mesh.positions), len(parent)
+    weight = area[:vertices, None] + max(float(area.sum()), 1e-30) * 1e-12  # where nothing has an area, all count alike
+    varied = (mesh.colours != mesh.colours[0]).any()
+    sums = np.zeros((nodes, 8 if varied else 3))
+    sums[:vertices, :3] = mesh.normals * weight
+    if varied:
+        sums[:vertices, 3:6] = linear_of_srgb(mesh.colours[:, :3] / 255.0) * weight
+        sums[:vertices, 6:] = np.concatenate([mesh.colours[:, 3:] * weight, weight], axis=1)
+    tree_node_kernels.add_up(parent, sums)
+    normal, colour = np.empty((nodes, 3), np.float32), np.tile(mesh.colours[0], (nodes, 1))
+    normal[:vertices], colour[:vertices] = mesh.normals, mesh.colours
+    length = np.linalg.norm(sums[vertices:, :3], axis=1, keepdims=True)
+    upward = np.broadcast_to([0.0, 0.0, 1.0], (nodes - vertices, 3))
+    normal[vertices:] = np.divide(sums[vertices:, :3], length, out=upward.copy(), where=length > 0)
+    if varied:
+        mean = sums[vertices:, 3:7] / sums[vertices:, 7:]
+        colour[vertices:, :3] = np.rint(255 * srgb_of_linear(np.clip(mean[:, :3], 0, 1)))
+        colour[vertices:, 3] = np.rint(mean[:, 3])
+    return normal, colour
+
+
+def _contrasts(mesh: Mesh, parent: Ints, colour: NDArray[np.uint8], photometry: Photometry) -> NDArray[np.uint8]:
+    """Codes of the proxies' luminances against the range in their regions; the largest where what is cut out changes,
+    and where a texture says what the colours are.
+    """
+    vertices = len(mesh.positions)
+    inner = len(parent) - vertices
+    codes = np.zeros(inner, np.uint8)
+    if (mesh.colours != mesh.colours[0]).any():
+        low, high = _range(mesh, parent, photometry.luminance_cd_m2(mesh.colours[:, :3]))
+        codes = code_of_luminances(photometry.luminance_cd_m2(colour[vertices:, :3]), low, high)
+        low, high = _range(mesh, parent, (mesh.colours[:, 3] >= _CUT_OUT).astype(float))
+        shown = colour[vertices:, 3] >= _CUT_OUT
+        codes[(low != shown) | (high != shown)] = FULL_CODE
+    if len(mesh.textures):
+        codes[_range(mesh, parent, (mesh.layers != NO_TEXTURE).astype(float))[1] > 0] = FULL_CODE
+    return codes
+
+
+def _range(mesh: Mesh, parent: Ints, value: Floats) -> tuple[Floats, Floats]:
+    """Smallest and largest value of vertices in the region of each inner node, (N - V,) each."""
+    low, high = np.full(len(parent), np.inf), np.full(len(parent), -np.inf)
+    low[: len(value)] = high[: len(value)] = value
+    tree_node_kernels.widen_up(mesh.triangles, parent, value, low, high)
+    return low[len(value) :], high[len(value) :]
