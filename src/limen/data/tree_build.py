@@ -12,6 +12,7 @@ Luebke, Hallen 2001, *Perceptually Driven Simplification for Interactive Renderi
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,12 @@ __all__ = ["build_vertex_tree"]
 Ints = NDArray[np.int32]
 
 ALL_CELLS = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
+_VERTICES_A_TILE = 2048
+"""Or about half as many: what a core's own cache holds of triangles and nodes."""
+
+_EDGES_A_TRIANGLE = 6
+"""That the queue has room for; it holds three at most at first."""
+
 _CUT_OUT = 128
 """Opacity below which nothing is drawn."""
 
@@ -43,16 +50,22 @@ class _Forest(NamedTuple):
     """
 
     numbers: Ints  # (V,): the node that stands for a vertex and all at its place
-    corners: Ints  # (3 T,): nodes, -1 where a triangle is gone
+    triangles: Ints  # (T, 8): `tree_kernels.CORNERS`
     parent: Ints  # (2 V,)
-    place: Floats  # (2 V, 3)
     kind: NDArray[np.int8]  # (2 V,)
-    quadrics: Floats  # (2 V, 10)
-    displacement: Floats  # (2 V,)
+    records: NDArray[np.float32]  # (2 V, 16): `tree_kernels.SLOTS`
+
+    @property
+    def place(self) -> NDArray[np.float32]:
+        return self.records[:, tree_kernels.PLACE : tree_kernels.PLACE + 3]
+
+    @property
+    def moved(self) -> NDArray[np.float32]:
+        return self.records[:, tree_kernels.MOVED]
 
     def weight(self, nodes: Ints) -> Floats:
         """Areas around nodes, about."""
-        return np.asarray(self.quadrics[nodes][:, [0, 3, 5]].sum(axis=1))
+        return np.asarray(self.records[nodes][:, [0, 3, 5]].sum(axis=1), float)
 
 
 def build_vertex_tree(mesh: Mesh, photometry: Photometry | None = None) -> VertexTree:
@@ -71,13 +84,16 @@ def build_vertex_tree(mesh: Mesh, photometry: Photometry | None = None) -> Verte
     low, high = mesh.bounds.astype(float)
     middle, size = (low + high) / 2, float((high - low).max()) or 1.0
     forest = _rooted(mesh, middle, size)
-    nodes = _join_parts(forest, _collapse(forest))
+    collapsed = _collapse(forest)
+    nodes = _join_parts(forest, collapsed)
     vertices, parent = len(mesh.positions), forest.parent[:nodes]
-    position = (forest.place[:nodes] * size + middle).astype(np.float32)
+    position = np.empty((nodes, 3), np.float32)
     position[:vertices] = mesh.positions
+    stays = forest.kind[:collapsed] >= tree_kernels.FIXED
+    tree_node_kernels.places(forest.records, forest.numbers, parent, stays, middle, size, position)
     regions = _regions(mesh, parent, position, forest.kind[:nodes], forest.kind[forest.numbers])
     normal, colour = _means(mesh, parent, regions.area)
-    displacement = np.minimum(forest.displacement[vertices:nodes] * size, regions.way)
+    displacement = np.minimum(forest.moved[vertices:nodes] * size, regions.way)
     tree_node_kernels.rise(parent, vertices, displacement)
     return VertexTree(
         triangles=mesh.triangles,
@@ -97,21 +113,21 @@ def _rooted(mesh: Mesh, middle: Floats, size: float) -> _Forest:
     """A forest of the vertices, and of the nodes that join those of one place."""
     first, apart = _welds(mesh)
     vertices = len(first)
-    shared = np.flatnonzero(np.bincount(first, minlength=vertices) > 1)
     numbers = np.arange(vertices, dtype=np.int32)
-    numbers[shared] = vertices + np.arange(len(shared))
-    numbers = numbers[first]
-    room = 2 * vertices
-    parent, kind, place = np.full(room, -1, np.int32), np.zeros(room, np.int8), np.zeros((room, 3))
-    below = numbers >= vertices
-    parent[:vertices][below] = numbers[below]
+    parent, kind = np.full(2 * vertices, -1, np.int32), np.zeros(2 * vertices, np.int8)
+    if (first != numbers).any():
+        shared = np.flatnonzero(np.bincount(first, minlength=vertices) > 1)
+        numbers[shared] = vertices + np.arange(len(shared))
+        numbers = numbers[first]
+        below = numbers >= vertices
+        parent[:vertices][below] = numbers[below]
     kind[:vertices][apart] = tree_kernels.APART
-    place[:vertices] = (mesh.positions - middle) / size
-    place[numbers[shared]] = place[shared]
-    corners = numbers[mesh.triangles]
-    a, b, c = corners.T
-    corners[(a == b) | (b == c) | (c == a)] = -1
-    return _Forest(numbers, corners.ravel(), parent, place, kind, np.zeros((room, 10)), np.zeros(room))
+    forest = _Forest(
+        numbers, np.empty((mesh.size, tree_kernels.CORNERS), np.int32), parent, kind,
+        np.zeros((2 * vertices, tree_kernels.SLOTS), np.float32),
+    )  # fmt: skip
+    tree_kernels.fill(mesh.positions, middle, size, mesh.triangles, numbers, forest.records, forest.triangles)
+    return forest
 
 
 def _welds(mesh: Mesh) -> tuple[Ints, NDArray[np.bool_]]:
@@ -131,31 +147,28 @@ def _collapse(forest: _Forest) -> int:
     """Collapse edges until none may be; returns the number of nodes."""
     vertices = len(forest.numbers)
     begin = int(max(forest.numbers.max() + 1, vertices))
-    room = len(forest.parent)
-    head, tail = np.full(room, -1, np.int32), np.full(room, -1, np.int32)
-    following = np.full(len(forest.corners), -1, np.int32)
-    tree_kernels.link_corners(forest.corners, head, tail, following)
-    tree_kernels.sum_quadrics(forest.corners, forest.place, forest.quadrics)
-    tree_kernels.classify(forest.corners, head[:begin], following, forest.place, forest.kind, forest.quadrics)
-    return int(
-        tree_kernels.collapse(
-            forest.corners,
-            head,
-            tail,
-            following,
-            forest.place,
-            forest.kind,
-            forest.quadrics,
-            forest.parent,
-            forest.displacement,
-            begin,
+    triangles, records = forest.triangles.ravel(), forest.records.ravel()
+    words = records.view(np.int32)
+    tree_kernels.link_corners(triangles, words, np.full(begin, -1, np.int32))
+    tree_kernels.sum_quadrics(triangles, records)
+    tree_kernels.classify(triangles, records, words, forest.kind[:begin])
+    tile = np.zeros(len(forest.parent), np.int32)
+    tiles = tree_kernels.tile(records, begin, max(1, int(math.sqrt(vertices / _VERTICES_A_TILE))), tile)
+    bins = np.empty((2, tree_kernels.ROUNDS * tree_kernels.STEPS * tiles), np.int32)
+    queue = np.empty(3 * (_EDGES_A_TRIANGLE * len(forest.triangles) + 1024), np.int32)
+    nodes, mark, before, full = begin, 0, -1, True
+    while full and nodes > before:  # where the queue is full, it is begun anew with the edges that are left
+        before = nodes
+        bins.fill(-1)
+        nodes, mark, full = tree_kernels.collapse(
+            triangles, records, words, forest.kind, tile, forest.parent, nodes, mark, queue, bins
         )
-    )
+    return int(nodes)
 
 
 def _join_parts(forest: _Forest, nodes: int) -> int:
     """Join what is left of every connected part, neighbours in the order of a curve two by two; number of nodes."""
-    left = forest.corners[forest.corners >= 0].reshape(-1, 3)
+    left = forest.triangles[forest.triangles[:, 0] >= 0, :3]
     roots = np.unique(left)
     if not len(roots):
         return nodes
@@ -179,20 +192,21 @@ def _join_parts(forest: _Forest, nodes: int) -> int:
 
 
 def _join_pairs(forest: _Forest, one: Ints, other: Ints, new: Ints) -> None:
+    place, moved = forest.place, forest.moved
     heavy, rest = forest.weight(one), forest.weight(other)
     share = np.divide(heavy, heavy + rest, out=np.full(len(one), 0.5), where=heavy + rest > 0)[:, None]
-    forest.place[new] = share * forest.place[one] + (1 - share) * forest.place[other]
+    place[new] = share * place[one] + (1 - share) * place[other]
     for child in (one, other):
         forest.parent[child] = new
-        moved = forest.displacement[child] + np.linalg.norm(forest.place[child] - forest.place[new], axis=1)
-        forest.displacement[new] = np.maximum(forest.displacement[new], moved)
-    forest.quadrics[new] = forest.quadrics[one] + forest.quadrics[other]
+        way = np.linalg.norm(place[child].astype(float) - place[new], axis=1)
+        moved[new] = np.maximum(moved[new], moved[child] + way)
+    forest.records[new, :6] = forest.records[one, :6] + forest.records[other, :6]
     forest.kind[new] = tree_kernels.FIXED
 
 
-def _along_curve(place: Floats) -> NDArray[np.int64]:
+def _along_curve(place: NDArray[np.float32]) -> NDArray[np.int64]:
     """Numbers of places (n, 3) from -0.5 to 0.5 in Morton order, 20 bits an axis."""
-    steps = ((place + 0.5) * ((1 << 20) - 1)).astype(np.int64)
+    steps = np.clip((place.astype(float) + 0.5) * (1 << 20), 0, (1 << 20) - 1).astype(np.int64)
     numbers = np.zeros(len(place), np.int64)
     for bit in range(20):
         for axis in range(3):

@@ -1,8 +1,13 @@
 """Edge collapses in the order of their cost, each making a node of two: the loops of `limen.data.tree_build`.
 
 Triangles around a node are a linked list of their corners, so that two nodes become one by joining two lists. The queue
-is 512 bins of the logarithm of the cost instead of a heap: what lies in one bin differs by a fifth, and is taken in the
-order it came, which is the order of the mesh, and kind to caches.
+is bins of the logarithm of the cost instead of a heap: what lies in one bin is taken in the order it came, which is the
+order of the mesh, and kind to caches. For their sake, too, all that is asked of a node lies in one record of 64 bytes,
+and of a triangle in one of 32.
+
+A record holds ``A`` (6), ``b`` (3) and ``c`` of the sum of squared distances from planes, ``x'Ax + 2 b'x + c`` for a
+way ``x`` from the node's own place: so 32 bits are enough. Nodes of one cube of space are worked on for a while, all
+edges up to a cost, before those of the next: so they stay in a core's own cache.
 
 References
 ----------
@@ -18,7 +23,25 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["APART", "FIXED", "INNER", "RIM", "classify", "collapse", "link_corners", "sum_quadrics"]
+__all__ = [
+    "APART",
+    "CORNERS",
+    "FIXED",
+    "HEAD",
+    "INNER",
+    "MOVED",
+    "PLACE",
+    "RIM",
+    "ROUNDS",
+    "SLOTS",
+    "STEPS",
+    "classify",
+    "collapse",
+    "fill",
+    "link_corners",
+    "sum_quadrics",
+    "tile",
+]
 
 INNER, RIM, FIXED, APART = 0, 1, 2, 3
 """What a vertex is: inside a surface, on the edge of one, where it is none, or where textures meet.
@@ -26,79 +49,119 @@ INNER, RIM, FIXED, APART = 0, 1, 2, 3
 What is inside may be joined to any, a rim to a rim along it; a node has the larger kind of the two, and its place.
 """
 
-_BINS = 512
-_BINS_AN_OCTAVE = 4
-_SMALLEST_OCTAVE = -112.0  # of a cost in units of the mesh's size to the fourth power; the largest bins hold the rest
+SLOTS = 16
+"""32-bit words of a node's record."""
+
+CORNERS = 8
+"""Words of a triangle's record: three nodes, three next corners of theirs, and two that are not used.
+
+A corner's number is that of its word among all; a node is -1 where the triangle is gone, a next corner at the end.
+"""
+
+_B, _C, PLACE, HEAD, MOVED, _STAMP = 6, 9, 10, 13, 14, 15
+ROUNDS, STEPS = 64, 8
+_ROUND_SHIFT, _STEP_SHIFT = 25, 22  # of a cost's bits as a 32-bit float: four octaves a round, half an octave a step
 _PULL = (
     1e-3  # of the planes' weight: how much a new place is drawn to the middle of the edge where planes leave it free
 )
-_COMPACT = 1e-5  # of the planes' weight: how much long edges cost where planes cost nothing
-_RIM_WEIGHT = 1.0
+_COMPACT = np.float32(1e-5)  # of the planes' weight: how much long edges cost where planes cost nothing
 _FLAT = 0.04  # square of the least cosine between a triangle's normal before and after
 _MOST_CORNERS = 48  # around a node: more would make a collapse slow, and triangles thin
-_RETRY_BINS = 8
+_RETRY_STEPS = 4
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _next(corner: Any) -> Any:
+    return corner + 1 - 3 * ((corner & 7) == 2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def link_corners(corners: Any, head: Any, tail: Any, following: Any) -> None:
-    """Lists of the corners (3 T) at each node: ``head``, ``tail`` (N,) and ``following`` (3 T,) are -1 at first."""
-    for corner in range(corners.shape[0]):
-        node = corners[corner]
-        if node < 0:
-            continue
-        if head[node] < 0:
-            head[node] = corner
-        else:
-            following[tail[node]] = corner
-        tail[node] = corner
+def fill(positions: Any, middle: Any, size: Any, triangles: Any, numbers: Any, records: Any, tri: Any) -> None:
+    """Records of the nodes ``numbers`` (V,) of vertices, and of triangles that have three different ones.
+
+    ``records`` (N, 16) are 0 at first, ``tri`` (T, 8). Places are from ``middle`` (3,) in units of ``size``.
+    """
+    for v in range(numbers.shape[0]):
+        node = numbers[v]
+        for axis in range(3):
+            records[v, PLACE + axis] = records[node, PLACE + axis] = (positions[v, axis] - middle[axis]) / size
+    for t in range(triangles.shape[0]):
+        a, b, c = numbers[triangles[t, 0]], numbers[triangles[t, 1]], numbers[triangles[t, 2]]
+        there = a != b and b != c and c != a
+        tri[t, 0], tri[t, 1], tri[t, 2] = (a, b, c) if there else (-1, -1, -1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _others(corner: Any) -> Any:
-    first = corner - corner % 3
-    return first + (corner + 1) % 3, first + (corner + 2) % 3
+def tile(record: Any, nodes: Any, edge: Any, found: Any) -> Any:
+    """The numbers of the cubes that nodes lie in, of ``edge`` to the mesh's size: into ``found``; returns how many."""
+    numbers = np.full(edge * edge * edge, -1, np.int32)
+    count = 0
+    for node in range(nodes):
+        cell = 0
+        for axis in range(PLACE, PLACE + 3):
+            cell = cell * edge + min(max(int((record[SLOTS * node + axis] + 0.5) * edge), 0), edge - 1)
+        if numbers[cell] < 0:
+            numbers[cell] = count
+            count += 1
+        found[node] = numbers[cell]
+    return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_plane(q: Any, node: Any, x: Any, y: Any, z: Any, d: Any, weight: Any) -> None:
-    """The square of the distance from a plane of unit normal (x, y, z), times a weight."""
-    q[node, 0] += weight * x * x
-    q[node, 1] += weight * x * y
-    q[node, 2] += weight * x * z
-    q[node, 3] += weight * y * y
-    q[node, 4] += weight * y * z
-    q[node, 5] += weight * z * z
-    q[node, 6] += weight * x * d
-    q[node, 7] += weight * y * d
-    q[node, 8] += weight * z * d
-    q[node, 9] += weight * d * d
+def link_corners(tri: Any, words: Any, tail: Any) -> None:
+    """Make the lists of corners at each node; ``tail`` (N,) is -1 at first."""
+    for node in range(tail.shape[0]):
+        words[SLOTS * node + HEAD] = -1
+    for t in range(tri.shape[0] // CORNERS):
+        for corner in range(CORNERS * t, CORNERS * t + 3):
+            node = tri[corner]
+            tri[corner + 3] = -1
+            if node < 0:
+                continue
+            if tail[node] < 0:
+                words[SLOTS * node + HEAD] = corner
+            else:
+                tri[tail[node] + 3] = corner
+            tail[node] = corner
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sum_quadrics(corners: Any, place: Any, q: Any) -> None:
-    """Add to ``q`` (N, 10) of each corner the plane of its triangle, weighted by a third of the area."""
-    for t in range(corners.shape[0] // 3):
-        a, b, c = corners[3 * t], corners[3 * t + 1], corners[3 * t + 2]
+def _add_plane(record: Any, node: Any, x: Any, y: Any, z: Any, weight: Any) -> None:
+    """The square of the distance from a plane through the node, of unit normal (x, y, z), times a weight."""
+    at = SLOTS * node
+    record[at] += weight * x * x
+    record[at + 1] += weight * x * y
+    record[at + 2] += weight * x * z
+    record[at + 3] += weight * y * y
+    record[at + 4] += weight * y * z
+    record[at + 5] += weight * z * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sum_quadrics(tri: Any, record: Any) -> None:
+    """Add to the records of each triangle's corners its plane, weighted by a third of the area."""
+    for t in range(tri.shape[0] // CORNERS):
+        a, b, c = tri[CORNERS * t], tri[CORNERS * t + 1], tri[CORNERS * t + 2]
         if a < 0:
             continue
-        px, py, pz = place[a, 0], place[a, 1], place[a, 2]
-        ux, uy, uz = place[b, 0] - px, place[b, 1] - py, place[b, 2] - pz
-        vx, vy, vz = place[c, 0] - px, place[c, 1] - py, place[c, 2] - pz
+        i, k, m = SLOTS * a + PLACE, SLOTS * b + PLACE, SLOTS * c + PLACE
+        ux, uy, uz = record[k] - record[i], record[k + 1] - record[i + 1], record[k + 2] - record[i + 2]
+        vx, vy, vz = record[m] - record[i], record[m + 1] - record[i + 1], record[m + 2] - record[i + 2]
         x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         double = np.sqrt(x * x + y * y + z * z)
         if double > 0.0:
-            x, y, z = x / double, y / double, z / double
-            d, weight = -(x * px + y * py + z * pz), double / 6.0
-            _add_plane(q, a, x, y, z, d, weight)
-            _add_plane(q, b, x, y, z, d, weight)
-            _add_plane(q, c, x, y, z, d, weight)
+            x, y, z, weight = x / double, y / double, z / double, double / np.float32(6.0)
+            _add_plane(record, a, x, y, z, weight)
+            _add_plane(record, b, x, y, z, weight)
+            _add_plane(record, c, x, y, z, weight)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_rim(q: Any, place: Any, node: Any, end: Any, third: Any) -> None:
+def _add_rim(record: Any, node: Any, end: Any, third: Any) -> None:
     """The plane through an edge of the surface, upright on its triangle: leaving it would show."""
-    ex, ey, ez = place[end, 0] - place[node, 0], place[end, 1] - place[node, 1], place[end, 2] - place[node, 2]
-    fx, fy, fz = place[third, 0] - place[node, 0], place[third, 1] - place[node, 1], place[third, 2] - place[node, 2]
+    i, k, m = SLOTS * node + PLACE, SLOTS * end + PLACE, SLOTS * third + PLACE
+    ex, ey, ez = record[k] - record[i], record[k + 1] - record[i + 1], record[k + 2] - record[i + 2]
+    fx, fy, fz = record[m] - record[i], record[m + 1] - record[i + 1], record[m + 2] - record[i + 2]
     length2 = ex * ex + ey * ey + ez * ez
     if length2 <= 0.0:
         return
@@ -106,280 +169,317 @@ def _add_rim(q: Any, place: Any, node: Any, end: Any, third: Any) -> None:
     x, y, z = fx - along * ex, fy - along * ey, fz - along * ez
     high = np.sqrt(x * x + y * y + z * z)
     if high > 0.0:
-        x, y, z = x / high, y / high, z / high
-        d = -(x * place[node, 0] + y * place[node, 1] + z * place[node, 2])
-        _add_plane(q, node, x, y, z, d, _RIM_WEIGHT * length2 / 2.0)
+        _add_plane(record, node, x / high, y / high, z / high, length2 / np.float32(2.0))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def classify(corners: Any, head: Any, following: Any, place: Any, kind: Any, q: Any) -> None:
-    """What each vertex is, by the edges opposite to it: one ring inside, one open chain on a rim, else fixed.
+def classify(tri: Any, record: Any, words: Any, kind: Any) -> None:
+    """What each node is, by the edges opposite to it: one ring inside, one open chain on a rim, else fixed.
 
-    ``kind`` (N,) is `APART` already where textures meet. Rims add their planes to ``q``.
+    ``kind`` (N,) is `APART` already where textures meet. Rims add their planes to the records.
     """
-    nodes = head.shape[0]
-    one, other = np.empty(nodes, np.int32), np.empty(nodes, np.int32)
+    nodes = kind.shape[0]
+    both = np.zeros(nodes, np.int32)  # of a neighbour: the numbers of the two next to it, one xor the other
     seen = np.full(nodes, -1, np.int32)
-    count = np.zeros(nodes, np.int8)
+    count = np.zeros(nodes, np.int32)
     for node in range(nodes):
-        corner = head[node]
-        edges, ends, broken, start = 0, 0, False, -1
+        corner = words[SLOTS * node + HEAD]
+        edges, ends, broken, start, before = 0, 0, False, -1, -1
         while corner >= 0:
-            i, k = _others(corner)
-            a, b = corners[i], corners[k]
-            for end, far in ((a, b), (b, a)):
-                if seen[end] != node:
-                    seen[end], count[end], one[end] = node, 1, far
-                    ends += 1
-                else:
-                    ends -= count[end] == 1
-                    broken |= count[end] == 2
-                    other[end] = far
-                    count[end] = 2
+            a, b = tri[_next(corner)], tri[_next(_next(corner))]
+            for turn in range(2):
+                end, far = (a, b) if turn == 0 else (b, a)
+                again = seen[end] == node
+                times = count[end] * again + 1
+                both[end] = both[end] * again ^ far
+                seen[end], count[end] = node, times
+                ends += (times == 1) - (times == 2)
+                broken |= times > 2
             edges += 1
-            start = a
-            corner = following[corner]
+            start, before = b, a
+            corner = tri[corner + 3]
         if edges == 0 or broken or ends > 2:
             kind[node] = max(kind[node], FIXED)
             continue
         if ends == 2:
-            corner = head[node]
+            corner = words[SLOTS * node + HEAD]
             while corner >= 0:
-                i, k = _others(corner)
-                a, b = corners[i], corners[k]
+                a, b = tri[_next(corner)], tri[_next(_next(corner))]
                 if count[a] == 1:
-                    start = a
-                    _add_rim(q, place, node, a, b)
+                    start, before = b, a
+                    _add_rim(record, node, a, b)
                 if count[b] == 1:
-                    start = b
-                    _add_rim(q, place, node, b, a)
-                corner = following[corner]
-        steps, before, here = 0, -1, start
-        while steps < edges:
-            ahead = one[here]
-            if count[here] == 2 and (ahead == before):
-                ahead = other[here]
-            before, here = here, ahead
+                    start, before = a, b
+                    _add_rim(record, node, b, a)
+                corner = tri[corner + 3]
+        steps, begin = 1, before
+        while start != begin and count[start] == 2 and steps <= edges:
+            before, start = start, both[start] ^ before
             steps += 1
-            if here == start or count[here] == 1:
-                break
         if steps != edges:
             kind[node] = max(kind[node], FIXED)
         elif kind[node] != APART:
             kind[node] = RIM if ends == 2 else INNER
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cost_at(
-    a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any, i: Any, j: Any, x: Any, y: Any, z: Any
-) -> Any:
-    return x * (a * x + 2.0 * (b * y + c * z + g)) + y * (d * y + 2.0 * (e * z + h)) + z * (f * z + 2.0 * i) + j
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _cost(record: Any, kind: Any, u: Any, w: Any) -> Any:
+    """About what joining two nodes costs: in the middle of them, or where the one is that may not move."""
+    i, k = SLOTS * u, SLOTS * w
+    x, y, z = record[k + 10] - record[i + 10], record[k + 11] - record[i + 11], record[k + 12] - record[i + 12]
+    from_u = np.float32(0.5) if kind[u] == kind[w] else np.float32(kind[u] < kind[w])
+    from_w = from_u - np.float32(1.0)
+    two = np.float32(2.0)
+    length2 = x * x + y * y + z * z
+    bend_u = (
+        x * (record[i] * x + two * (record[i + 1] * y + record[i + 2] * z))
+        + y * (record[i + 3] * y + two * record[i + 4] * z)
+        + record[i + 5] * z * z
+    )
+    bend_w = (
+        x * (record[k] * x + two * (record[k + 1] * y + record[k + 2] * z))
+        + y * (record[k + 3] * y + two * record[k + 4] * z)
+        + record[k + 5] * z * z
+    )
+    lean_u = two * (record[i + 6] * x + record[i + 7] * y + record[i + 8] * z)
+    lean_w = two * (record[k + 6] * x + record[k + 7] * y + record[k + 8] * z)
+    weight = min(record[i] + record[i + 3] + record[i + 5], record[k] + record[k + 3] + record[k + 5])
+    cost = from_u * (from_u * bend_u + lean_u) + from_w * (from_w * bend_w + lean_w) + record[i + 9] + record[k + 9]
+    return max(cost, np.float32(0.0)) + _COMPACT * length2 * weight
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _place_and_cost(q: Any, place: Any, kind: Any, u: Any, w: Any) -> Any:
-    """Where the node of ``u`` and ``w`` is to be, and the cost: x, y, z, cost."""
-    a, b, c = q[u, 0] + q[w, 0], q[u, 1] + q[w, 1], q[u, 2] + q[w, 2]
-    d, e, f = q[u, 3] + q[w, 3], q[u, 4] + q[w, 4], q[u, 5] + q[w, 5]
-    g, h, i, j = q[u, 6] + q[w, 6], q[u, 7] + q[w, 7], q[u, 8] + q[w, 8], q[u, 9] + q[w, 9]
-    ux, uy, uz = place[u, 0], place[u, 1], place[u, 2]
-    wx, wy, wz = place[w, 0], place[w, 1], place[w, 2]
-    x, y, z = 0.5 * (ux + wx), 0.5 * (uy + wy), 0.5 * (uz + wz)
-    length2 = (ux - wx) * (ux - wx) + (uy - wy) * (uy - wy) + (uz - wz) * (uz - wz)
-    weight = a + d + f
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _shift(record: Any, at: Any, x: Any, y: Any, z: Any) -> Any:
+    """``b`` and ``c`` of a record, seen from (x, y, z) off its place."""
+    rx = record[at] * x + record[at + 1] * y + record[at + 2] * z
+    ry = record[at + 1] * x + record[at + 3] * y + record[at + 4] * z
+    rz = record[at + 2] * x + record[at + 4] * y + record[at + 5] * z
+    bx, by, bz = record[at + 6], record[at + 7], record[at + 8]
+    constant = record[at + 9] + x * (rx + 2.0 * bx) + y * (ry + 2.0 * by) + z * (rz + 2.0 * bz)
+    return bx + rx, by + ry, bz + rz, constant
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _best_place(record: Any, kind: Any, u: Any, w: Any) -> Any:
+    """Where the node of two is to be, as ways from ``u`` and from ``w``."""
+    i, k = SLOTS * u, SLOTS * w
+    ex = np.float64(record[k + 10]) - record[i + 10]
+    ey = np.float64(record[k + 11]) - record[i + 11]
+    ez = np.float64(record[k + 12]) - record[i + 12]
     if kind[u] > kind[w]:
-        x, y, z = ux, uy, uz
-    elif kind[w] > kind[u]:
-        x, y, z = wx, wy, wz
-    elif weight > 0.0:
-        pull = _PULL * weight
+        return 0.0, 0.0, 0.0, -ex, -ey, -ez
+    if kind[w] > kind[u]:
+        return ex, ey, ez, 0.0, 0.0, 0.0
+    hx, hy, hz = 0.5 * ex, 0.5 * ey, 0.5 * ez
+    ux, uy, uz, _ = _shift(record, i, hx, hy, hz)
+    wx, wy, wz, _ = _shift(record, k, -hx, -hy, -hz)
+    gx, gy, gz = -(ux + wx), -(uy + wy), -(uz + wz)
+    b, c, e = record[i + 1] + record[k + 1], record[i + 2] + record[k + 2], record[i + 4] + record[k + 4]
+    a, d, f = record[i] + record[k], record[i + 3] + record[k + 3], record[i + 5] + record[k + 5]
+    pull = _PULL * (a + d + f)
+    x = y = z = 0.0
+    if pull > 0.0:
         m, n, o = a + pull, d + pull, f + pull
         c00, c01, c02 = n * o - e * e, c * e - b * o, b * e - c * n
         c11, c12, c22 = m * o - c * c, b * c - m * e, m * n - b * b
         down = 1.0 / (m * c00 + b * c01 + c * c02)
-        rx, ry, rz = pull * x - g, pull * y - h, pull * z - i
-        sx = (c00 * rx + c01 * ry + c02 * rz) * down
-        sy = (c01 * rx + c11 * ry + c12 * rz) * down
-        sz = (c02 * rx + c12 * ry + c22 * rz) * down
-        if (sx - x) * (sx - x) + (sy - y) * (sy - y) + (sz - z) * (sz - z) < length2:
-            x, y, z = sx, sy, sz
-    cost = max(_cost_at(a, b, c, d, e, f, g, h, i, j, x, y, z), 0.0)
-    area_u, area_w = q[u, 0] + q[u, 3] + q[u, 5], q[w, 0] + q[w, 3] + q[w, 5]
-    if weight > 0.0:
-        cost += _COMPACT * length2 * area_u * area_w / weight
-    return x, y, z, cost
+        x, y, z = (
+            (c00 * gx + c01 * gy + c02 * gz) * down,
+            (c01 * gx + c11 * gy + c12 * gz) * down,
+            (c02 * gx + c12 * gy + c22 * gz) * down,
+        )
+        if not x * x + y * y + z * z < ex * ex + ey * ey + ez * ez:
+            x = y = z = 0.0
+    return hx + x, hy + y, hz + z, x - hx, y - hy, z - hz
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bin_of(cost: Any) -> Any:
-    if cost <= 0.0:
-        return 0
-    return min(max(int((np.log2(cost) - _SMALLEST_OCTAVE) * _BINS_AN_OCTAVE), 0), _BINS - 1)
+def _gather(tri: Any, words: Any, node: Any, partner: Any, around: Any, count: Any, edge: Any) -> Any:
+    """Triangles around a node as rows (corner, node, node) from ``count`` on; returns how many rows there are then.
+
+    Those at the edge to ``partner`` are not: they are rows of ``edge`` (4, 2), how many is the second result. No step
+    asks what the last one found, so that nothing has to be guessed.
+    """
+    corner, shared = words[SLOTS * node + HEAD], 0
+    while corner >= 0 and count < _MOST_CORNERS:
+        a, b = tri[_next(corner)], tri[_next(_next(corner))]
+        there, at_edge = tri[corner] >= 0, (a == partner) | (b == partner)
+        around[count, 0], around[count, 1], around[count, 2] = corner, a, b
+        edge[shared, 0], edge[shared, 1] = corner, a + b - partner
+        count += there & ~at_edge
+        shared = min(shared + (there & at_edge), 3)
+        corner = tri[corner + 3]
+    return count, shared
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _may_join(corners: Any, head: Any, following: Any, kind: Any, stamp: Any, mark: Any, u: Any, w: Any) -> Any:
-    """The link condition: neighbours that both have are exactly those of the triangles at the edge."""
-    corner, around, shared = head[u], 0, 0
-    while corner >= 0:
-        i, k = _others(corner)
-        if corners[corner] >= 0:
-            a, b = corners[i], corners[k]
-            stamp[a], stamp[b] = mark, mark
-            shared += (a == w) | (b == w)
-            around += 1
-        corner = following[corner]
-    if shared == 0 or shared > 2:
-        return False
-    if kind[u] == RIM and kind[w] == RIM and shared == 2:
-        return False
-    corner, common = head[w], 0
-    while corner >= 0:
-        i, k = _others(corner)
-        if corners[corner] >= 0:
-            for end in (corners[i], corners[k]):
-                if stamp[end] == mark:
-                    stamp[end] = mark + 1
-                    common += end != u
-            around += 1
-        corner = following[corner]
-    return common == shared and 0 < around - 2 * shared <= _MOST_CORNERS
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _move(record: Any, node: Any, around: Any, begin: Any, end: Any, x: Any, y: Any, z: Any) -> Any:
+    """How far the surface around a node moves when the node goes by (x, y, z); -1 if a triangle would turn over.
 
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _move(corners: Any, head: Any, following: Any, place: Any, u: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
-    """How far the surface around ``u`` moves when ``u`` goes to (x, y, z); -1 if a triangle would turn over."""
-    px, py, pz = place[u, 0], place[u, 1], place[u, 2]
-    mx, my, mz = x - px, y - py, z - pz
-    way2 = mx * mx + my * my + mz * mz
+    The largest distance of the new place from the planes of the triangles, and of the old one from those they become.
+    """
+    way2 = x * x + y * y + z * z
     if way2 == 0.0:
         return 0.0
-    corner, most = head[u], 0.0
-    while corner >= 0:
-        i, k = _others(corner)
-        a, b = corners[i], corners[k]
-        if corners[corner] >= 0 and a != w and b != w:
-            ax, ay, az = place[a, 0] - px, place[a, 1] - py, place[a, 2] - pz
-            bx, by, bz = place[b, 0] - px, place[b, 1] - py, place[b, 2] - pz
-            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-            ax, ay, az, bx, by, bz = ax - mx, ay - my, az - mz, bx - mx, by - my, bz - mz
-            ox, oy, oz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-            before2, after2 = nx * nx + ny * ny + nz * nz, ox * ox + oy * oy + oz * oz
-            turn = nx * ox + ny * oy + nz * oz
-            if before2 > 0.0:
-                if turn <= 0.0 or turn * turn < _FLAT * before2 * after2:
-                    return -1.0
-                volume = nx * mx + ny * my + nz * mz
-                most = max(most, volume * volume / min(before2, after2))
-            else:
-                most = way2
-        corner = following[corner]
+    at, most = SLOTS * node + PLACE, 0.0
+    px, py, pz = np.float64(record[at]), np.float64(record[at + 1]), np.float64(record[at + 2])
+    for row in range(begin, end):
+        i, k = SLOTS * around[row, 1] + PLACE, SLOTS * around[row, 2] + PLACE
+        ax, ay, az = record[i] - px, record[i + 1] - py, record[i + 2] - pz
+        bx, by, bz = record[k] - px, record[k + 1] - py, record[k + 2] - pz
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        ax, ay, az, bx, by, bz = ax - x, ay - y, az - z, bx - x, by - y, bz - z
+        ox, oy, oz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        before2, after2 = nx * nx + ny * ny + nz * nz, ox * ox + oy * oy + oz * oz
+        turn, volume = nx * ox + ny * oy + nz * oz, nx * x + ny * y + nz * z
+        if before2 <= 0.0:
+            most = way2
+        elif turn <= 0.0 or turn * turn < _FLAT * before2 * after2:
+            return -1.0
+        else:
+            most = max(most, volume * volume / min(before2, after2))
     return np.sqrt(min(most, way2))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _join(corners: Any, head: Any, tail: Any, following: Any, u: Any, w: Any, new: Any) -> None:
-    """Make ``new`` the corner of all triangles around ``u`` and ``w``; those that have both are gone."""
-    begin, end = -1, -1
-    for node in (u, w):
-        corner = head[node]
-        while corner >= 0:
-            ahead = following[corner]
-            if corners[corner] >= 0:
-                i, k = _others(corner)
-                if corners[i] == new or corners[k] == new or corners[i] == w or corners[k] == w:
-                    corners[corner] = corners[i] = corners[k] = -1
-                else:
-                    corners[corner] = new
-                    if begin < 0:
-                        begin = corner
-                    else:
-                        following[end] = corner
-                    end = corner
-            corner = ahead
-    if end >= 0:
-        following[end] = -1
-    head[new], tail[new] = begin, end
+def _neighbours(words: Any, around: Any, middle: Any, end: Any, edge: Any, shared: Any, mark: Any, ring: Any) -> Any:
+    """List in ``ring`` all nodes of the rows of two nodes, which end at ``middle`` and ``end``; returns how many.
+
+    -1 where the link condition fails: a neighbour of both must be a corner of a triangle at their edge.
+    """
+    third, other, count, fails = edge[0, 1], edge[shared - 1, 1], 0, False
+    for row in range(middle):
+        for column in range(1, 3):
+            node = around[row, column]
+            at = SLOTS * node + _STAMP
+            ring[count] = node
+            count += words[at] < mark
+            words[at] = mark
+    for row in range(middle, end):
+        for column in range(1, 3):
+            node = around[row, column]
+            at = SLOTS * node + _STAMP
+            before = words[at]
+            ring[count] = node
+            count += before < mark
+            fails |= (before == mark) & (node != third) & (node != other)
+            words[at] = mark + 1
+    return -1 if fails else count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _merge(record: Any, u: Any, w: Any, new: Any, ux: Any, uy: Any, uz: Any, wx: Any, wy: Any, wz: Any) -> None:
+    """The record of the node of two that go by (ux, uy, uz) and by (wx, wy, wz)."""
+    i, k, m = SLOTS * u, SLOTS * w, SLOTS * new
+    b0, b1, b2, c = _shift(record, i, ux, uy, uz)
+    d0, d1, d2, e = _shift(record, k, wx, wy, wz)
+    for word in range(_B):
+        record[m + word] = record[i + word] + record[k + word]
+    record[m + 6], record[m + 7], record[m + 8] = b0 + d0, b1 + d1, b2 + d2
+    record[m + _C] = max(c + e, 0.0)
+    base, x, y, z = (i, ux, uy, uz) if ux * ux + uy * uy + uz * uz == 0.0 else (k, wx, wy, wz)
+    record[m + 10], record[m + 11], record[m + 12] = record[base + 10] + x, record[base + 11] + y, record[base + 12] + z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rename(tri: Any, words: Any, around: Any, end: Any, edge: Any, shared: Any, new: Any) -> None:
+    """Give the triangles in rows a new corner, and take those at the edge away."""
+    for row in range(shared):
+        corner = edge[row, 0]
+        tri[corner] = tri[_next(corner)] = tri[_next(_next(corner))] = -1
+    words[SLOTS * new + HEAD] = around[0, 0]
+    around[end, 0] = -1
+    for row in range(end):
+        corner = around[row, 0]
+        tri[corner] = new
+        tri[corner + 3] = around[row + 1, 0]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _push(queue: Any, first: Any, last: Any, entry: Any, u: Any, w: Any, number: Any) -> None:
     """Append an edge to a bin as entry number ``entry``."""
-    queue[entry, 0], queue[entry, 1], queue[entry, 2] = u, w, -1
+    queue[3 * entry], queue[3 * entry + 1], queue[3 * entry + 2] = u, w, -1
     if first[number] < 0:
         first[number] = entry
     else:
-        queue[last[number], 2] = entry
+        queue[3 * last[number] + 2] = entry
     last[number] = entry
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def collapse(
-    corners: Any, head: Any, tail: Any, following: Any, place: Any, kind: Any, q: Any,
-    parent: Any, displacement: Any, begin: Any,
-) -> Any:  # fmt: skip
-    """Collapse edges from the cheapest on until none may be; returns the number of nodes.
+    tri: Any, record: Any, words: Any, kind: Any, tile: Any, parent: Any, begin: Any, mark: Any, queue: Any, bins: Any
+) -> Any:
+    """Collapse edges from the cheapest on until none may be, or the queue is full; returns nodes, mark, and which.
 
-    All arrays have room for all nodes there can be; ``begin`` are there. ``corners`` (3 T) hold nodes, or -1 where a
-    triangle is gone; lists of them as `link_corners` makes them. ``place`` (N, 3), ``kind`` (N,), ``q`` (N, 10),
-    ``parent`` (N,) and ``displacement`` (N,) are by node.
+    All arrays have room for all nodes there can be; ``begin`` are there, and no stamp is larger than ``mark`` + 1.
+    ``tri`` (8 T,) are triangles' records, ``record`` (16 N,) float32 those of nodes and ``words`` the same as int32; ``kind``, ``tile`` and ``parent`` (N,).
+    ``queue`` (3 n,) int32 has room for n edges, two nodes and the next of the bin; ``bins`` (2, 64 x 8 tiles) are -1.
     """
-    nodes = begin
-    stamp = np.full(parent.shape[0], -1, np.int32)
-    first, last = np.full(_BINS, -1, np.int32), np.full(_BINS, -1, np.int32)
-    queue, size = np.empty((4 * corners.shape[0], 3), np.int32), 0
-    for corner in range(corners.shape[0]):
-        u = corners[corner]
-        if u < 0:
-            continue
-        w = corners[_others(corner)[0]]
-        if (u < w or (kind[u] == RIM and kind[w] == RIM)) and min(kind[u], kind[w]) < FIXED:
-            cost = _place_and_cost(q, place, kind, u, w)[3]
-            _push(queue, first, last, size, u, w, _bin_of(cost))
-            size += 1
-    number, mark = 0, 0
-    while number < _BINS:
+    nodes, size, room = begin, 0, queue.shape[0] // 3 - 2 * _MOST_CORNERS
+    first, last = bins[0], bins[1]
+    steps_a_round = bins.shape[1] // ROUNDS
+    around, ring = np.empty((_MOST_CORNERS + 1, 3), np.int32), np.empty(2 * _MOST_CORNERS, np.int32)
+    edge, cost = np.empty((4, 2), np.int32), np.empty(1, np.float32)
+    bits = cost.view(np.int32)
+    for t in range(tri.shape[0] // CORNERS):
+        for corner in range(CORNERS * t, CORNERS * t + 3):
+            u, w = tri[corner], tri[_next(corner)]
+            if u >= 0 and (u < w or (kind[u] == RIM and kind[w] == RIM)) and min(kind[u], kind[w]) < FIXED:
+                cost[0] = _cost(record, kind, u, w)
+                at = (bits[0] >> _ROUND_SHIFT) * steps_a_round + STEPS * tile[u] + ((bits[0] >> _STEP_SHIFT) & 7)
+                _push(queue, first, last, size, u, w, at)
+                size += 1
+    number = 0
+    while number < bins.shape[1]:
         entry = first[number]
         if entry < 0:
             number += 1
             continue
-        u, w, first[number] = queue[entry, 0], queue[entry, 1], queue[entry, 2]
+        u, w, first[number] = queue[3 * entry], queue[3 * entry + 1], queue[3 * entry + 2]
         if parent[u] >= 0 or parent[w] >= 0:
             continue
-        x, y, z, _ = _place_and_cost(q, place, kind, u, w)
+        if size > room:
+            return nodes, mark, True
         mark += 2
+        count = -1
+        middle, _ = _gather(tri, words, u, w, around, 0, edge)
+        end, shared = _gather(tri, words, w, u, around, middle, edge)
+        along = kind[u] != RIM or kind[w] != RIM or shared == 1
+        if 0 < end < _MOST_CORNERS and 0 < shared < 3 and along:
+            count = _neighbours(words, around, middle, end, edge, shared, mark, ring)
+        ux, uy, uz, wx, wy, wz = _best_place(record, kind, u, w)
         far_u = far_w = -1.0
-        if _may_join(corners, head, following, kind, stamp, mark, u, w):
-            far_u = _move(corners, head, following, place, u, w, x, y, z)
+        if count >= 0:
+            far_u = _move(record, u, around, 0, middle, ux, uy, uz)
             if far_u >= 0.0:
-                far_w = _move(corners, head, following, place, w, u, x, y, z)
+                far_w = _move(record, w, around, middle, end, wx, wy, wz)
         if far_w < 0.0:
-            if number + _RETRY_BINS < _BINS:
-                _push(queue, first, last, size, u, w, number + _RETRY_BINS)
+            later = number + (_RETRY_STEPS if (number & 7) + _RETRY_STEPS < STEPS else steps_a_round)
+            if later < bins.shape[1]:
+                _push(queue, first, last, size, u, w, later)
                 size += 1
             continue
         new = nodes
         nodes += 1
         parent[u] = parent[w] = new
-        parent[new] = -1
-        place[new, 0], place[new, 1], place[new, 2] = x, y, z
-        kind[new] = max(kind[u], kind[w])
-        for n in range(10):
-            q[new, n] = q[u, n] + q[w, n]
-        displacement[new] = max(displacement[u] + far_u, displacement[w] + far_w)
-        _join(corners, head, tail, following, u, w, new)
-        mark += 2
-        corner = head[new]
-        while corner >= 0:
-            i, k = _others(corner)
-            for end in (corners[i], corners[k]):
-                if stamp[end] != mark:
-                    stamp[end] = mark
-                    if min(kind[new], kind[end]) < FIXED:
-                        cost = _place_and_cost(q, place, kind, new, end)[3]
-                        bin_number = _bin_of(cost)
-                        _push(queue, first, last, size, new, end, bin_number)
-                        size += 1
-                        number = min(number, bin_number)
-            corner = following[corner]
-    return nodes
+        kind[new], tile[new] = max(kind[u], kind[w]), tile[u]
+        _merge(record, u, w, new, ux, uy, uz, wx, wy, wz)
+        record[SLOTS * new + MOVED] = max(record[SLOTS * u + MOVED] + far_u, record[SLOTS * w + MOVED] + far_w)
+        words[SLOTS * new + _STAMP] = mark
+        _rename(tri, words, around, end, edge, shared, new)
+        turn = number // steps_a_round
+        base = STEPS * tile[new]
+        for n in range(count):
+            neighbour = ring[n]
+            if min(kind[new], kind[neighbour]) < FIXED:
+                cost[0] = _cost(record, kind, new, neighbour)
+                due = bits[0] >> _ROUND_SHIFT
+                at = base + (
+                    due * steps_a_round + ((bits[0] >> _STEP_SHIFT) & 7) if due >= turn else turn * steps_a_round
+                )
+                _push(queue, first, last, size, new, neighbour, at)
+                size += 1
+                if at < number:
+                    number = at
+    return nodes, mark, False

@@ -49,6 +49,27 @@ def weld_places(bits: Any, first: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def places(records: Any, numbers: Any, parent: Any, stays: Any, middle: Any, size: Any, position: Any) -> None:
+    """Places of inner nodes in the mesh's own coordinates, from ``records`` to ``position`` (N, 3).
+
+    Where ``stays`` (n,) and the parent is one of the n first, it has the very place of the child: what is rounded
+    would open a seam. So it is where ``numbers`` (V,) gives several vertices one node.
+    """
+    for node in range(numbers.shape[0], position.shape[0]):
+        for axis in range(3):
+            position[node, axis] = np.float64(records[node, 10 + axis]) * size + middle[axis]
+    for v in range(numbers.shape[0]):
+        if numbers[v] >= numbers.shape[0]:
+            for axis in range(3):
+                position[numbers[v], axis] = position[v, axis]
+    for node in range(stays.shape[0]):
+        above = parent[node]
+        if stays[node] and 0 <= above < stays.shape[0]:
+            for axis in range(3):
+                position[above, axis] = position[node, axis]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def cell_of(x: Any, y: Any, z: Any) -> Any:
     """The cell of the Gauss sphere, 0 ... 383, that a direction lies in: ``64 face + 8 row + column``.
 
