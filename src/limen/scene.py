@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -20,6 +20,7 @@ from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt, pieces
 from limen.draw.eyes import Anaglyph
+from limen.draw.folded import fold_colours, mesh_of_nodes
 from limen.draw.lit import LitDisplay
 from limen.draw.scene import Depth, SceneLayer, SceneOverlay
 from limen.errors import DeviceLimitError, InputError
@@ -27,12 +28,16 @@ from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.placement import mesh_in_room
-from limen.view import Windows, guard_of
+from limen.select.mesh import Extent, Foldable, FoldSight, MeshCut, select_mesh
+from limen.select.shares import shares_of_codes
+from limen.tolerance import Policy, tolerance_of
+from limen.view import PanelViews, Windows, guard_of
 from limen.viewer import Viewer
 
-__all__ = ["BACKGROUND", "STEREOS", "SceneRenderer", "SceneReport", "Stereo"]
+__all__ = ["BACKGROUND", "STEREOS", "SceneRenderer", "SceneReport", "Simplified", "Stereo", "Viewers"]
 
 Stereo: TypeAlias = Literal["none", "anaglyph", "side-by-side", "sequential"]
+Viewers: TypeAlias = Viewer | Sequence[Viewer]
 STEREOS: tuple[Stereo, ...] = get_args(Stereo)
 
 BACKGROUND = (0.006, 0.007, 0.01)
@@ -49,8 +54,18 @@ class SceneReport:
     time_s: float
     panels_active: int
     triangles: int
+    """Pairs of a triangle and a panel that it touches."""
     sort_ms: float
     draw_ms: float
+    policy: str = "full"
+    left: int = 0
+    """Triangles of the mesh that are not folded."""
+    max_error_px: float = 0.0
+    """Diameter of the largest region that was folded, in pixels of its panel."""
+    distance_factor: float = 0.0
+    """How many times farther away all viewers would have to be for nobody to see what is left out: 1 or less, where
+    they are nobody can."""
+    select_ms: float = 0.0
 
     @property
     def drawn(self) -> str:
@@ -59,8 +74,32 @@ class SceneReport:
     @classmethod
     def of(cls, quilts: Sequence[SceneReport]) -> SceneReport:
         """One report for all quilts of a frame."""
-        parts = ("panels_active", "triangles", "sort_ms", "draw_ms")
-        return cls(quilts[0].time_s, *(sum(getattr(report, part) for report in quilts) for part in parts))
+        sums = ("panels_active", "triangles", "sort_ms", "draw_ms", "select_ms")
+        largest = ("left", "max_error_px", "distance_factor")
+        return replace(
+            quilts[0],
+            **{part: sum(getattr(report, part) for report in quilts) for part in sums},
+            **{part: max(getattr(report, part) for report in quilts) for part in largest},
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simplified:
+    """A mesh with its vertex tree, and how nodes of it are folded.
+
+    Parameters
+    ----------
+    foldable
+        Of the mesh's own tree.
+    policy
+        How viewers decide about detail.
+    extent
+        See `limen.select.mesh.FoldSight`.
+    """
+
+    foldable: Foldable
+    policy: Policy
+    extent: Extent = "displacement"
 
 
 class _Drawn(NamedTuple):
@@ -88,6 +127,8 @@ class SceneRenderer:
         See `limen.draw.scene.SceneLayer.draw`.
     background
         Linear light (red, green, blue) where nothing is drawn.
+    simplified
+        The mesh's vertex tree, where fewer triangles are to be drawn than it has: those that viewers can tell.
     max_quilt_px
         Most pixels drawn at once; a display that has more is drawn in several quilts.
 
@@ -109,6 +150,7 @@ class SceneRenderer:
         stereo: Stereo = "none",
         depth: Depth = "panel",
         background: tuple[float, float, float] = BACKGROUND,
+        simplified: Simplified | None = None,
         max_quilt_px: int = _QUILT_PX,
         clip: bool = True,
     ) -> None:
@@ -130,33 +172,48 @@ class SceneRenderer:
         self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
         self._windows = {quilt: Windows(display, quilt, copies, self.guard_px) for quilt in self.quilts}
         self._device = device
-        self._layer = SceneLayer(device, mesh, background=background, clip=clip)
+        self.simplified = simplified
+        self._whites = [panel.luminance_cd_m2 for panel in display.panels]
+        self._nodes = mesh if simplified is None else mesh_of_nodes(mesh, simplified.foldable.tree)
+        self._layer = SceneLayer(device, self._nodes, background=background, clip=clip)
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
+        self._shares: Floats | None = None
+        self._tinted = False
         self._reader = TextureReader(device)
 
     def move(self, mesh: Mesh) -> None:
-        """The same triangles with other places and normals: what the next frames show."""
+        """The same triangles with other places and normals: what the next frames show.
+
+        Raises
+        ------
+        InputError
+            For a mesh that is simplified: its tree is of the places that it was made for.
+        """
+        if self.simplified is not None:
+            raise InputError("a mesh that moves is drawn in full: leave out the policy, or the animation")
         self._layer.move(mesh)
 
     def frame(
         self,
-        viewer: Viewer,
+        viewers: Viewers,
         *,
         quilt: Quilt | None = None,
         overlay: SceneOverlay | None = None,
         target: Any = None,
         target_format: str = "rgba8unorm-srgb",
     ) -> SceneReport:
-        """Draw what the viewer is to see, into the renderer's own textures or into ``target``.
+        """Draw what the viewer (or the first of several) is to see, into own textures or into ``target``.
+
+        All viewers together decide what may be left out.
 
         ``quilt`` arranges the panels in another way than packing does (a window's unrolled surface).
         """
         chosen = [quilt] if quilt else self.quilts
-        drawn = [self._draw(each, viewer, overlay, target, target_format) for each in chosen]
+        drawn = [self._draw(each, viewers, overlay, target, target_format) for each in chosen]
         return SceneReport.of([each.report for each in drawn])
 
     def pictures(
-        self, viewer: Viewer, *, overlay: SceneOverlay | None = None
+        self, viewers: Viewers, *, overlay: SceneOverlay | None = None
     ) -> Iterator[tuple[str, NDArray[np.uint8], SceneReport]]:
         """Every panel's picture, quilt by quilt: (name, uint8 (h, w, 4) sRGB, the quilt's report).
 
@@ -164,7 +221,7 @@ class SceneRenderer:
         ``name@right``. An array is only valid until the next is asked for.
         """
         for quilt in self.quilts:
-            drawn = self._draw(quilt, viewer, overlay)
+            drawn = self._draw(quilt, viewers, overlay)
             image = self._reader.read(drawn.texture)
             if self.stereo in ("none", "anaglyph"):
                 for name, picture in pieces(self.display, quilt, image).items():
@@ -180,18 +237,18 @@ class SceneRenderer:
                     yield f"{name}@right", rights[name], drawn.report
 
     def quilt_pictures(
-        self, viewer: Viewer, *, overlay: SceneOverlay | None = None
+        self, viewers: Viewers, *, overlay: SceneOverlay | None = None
     ) -> Iterator[tuple[str, NDArray[np.uint8], SceneReport]]:
         """Every quilt as it is drawn, named by its output or its number: (name, uint8 (H, W, 4) sRGB, report).
 
         Two eyes that are not mixed lie side by side. An array is only valid until the next is asked for.
         """
         for number, quilt in enumerate(self.quilts):
-            drawn = self._draw(quilt, viewer, overlay)
+            drawn = self._draw(quilt, viewers, overlay)
             yield quilt.output or f"quilt-{number}", self._reader.read(drawn.texture), drawn.report
 
     def seen(
-        self, viewer: Viewer, cameras: Sequence[Camera], *, overlay: SceneOverlay | None = None
+        self, viewers: Viewers, cameras: Sequence[Camera], *, overlay: SceneOverlay | None = None
     ) -> list[NDArray[np.uint8]]:
         """What cameras in the room see of the display while it is lit for a viewer: uint8 (H, W, 4), sRGB, each.
 
@@ -202,14 +259,14 @@ class SceneRenderer:
         InputError
             For two eyes side by side or after each other, which no one camera sees.
         """
-        textures, _ = self.lit_for(viewer, overlay=overlay)
+        textures, _ = self.lit_for(viewers, overlay=overlay)
         lit = LitDisplay(self._device, self.display, self.quilts, guard_px=self.guard_px)
         try:
             return [lit.read(lit.draw(textures, camera)) for camera in cameras]
         finally:
             lit.destroy()
 
-    def lit_for(self, viewer: Viewer, *, overlay: SceneOverlay | None = None) -> tuple[list[Any], SceneReport]:
+    def lit_for(self, viewers: Viewers, *, overlay: SceneOverlay | None = None) -> tuple[list[Any], SceneReport]:
         """The textures of all quilts as they are lit for a viewer; valid until the next frame.
 
         Raises
@@ -221,7 +278,7 @@ class SceneRenderer:
         """
         if self.stereo not in ("none", "anaglyph"):
             raise InputError(f"'{self.stereo}' shows two pictures at once; simulate it with 'none' or 'anaglyph'")
-        drawn = [self._draw(quilt, viewer, overlay, keep=True) for quilt in self.quilts]
+        drawn = [self._draw(quilt, viewers, overlay, keep=True) for quilt in self.quilts]
         return [each.texture for each in drawn], SceneReport.of([each.report for each in drawn])
 
     def close(self) -> None:
@@ -242,7 +299,7 @@ class SceneRenderer:
     def _draw(
         self,
         quilt: Quilt,
-        viewer: Viewer,
+        viewers: Viewers,
         overlay: SceneOverlay | None,
         target: Any = None,
         target_format: str = "rgba8unorm-srgb",
@@ -254,7 +311,11 @@ class SceneRenderer:
         windows = self._windows.get(quilt)
         if windows is None:
             windows = self._windows[quilt] = Windows(self.display, quilt, self._copies, guard_of(self.display, quilt))
+        everybody = [viewers] if isinstance(viewers, Viewer) else list(viewers)
+        viewer = everybody[0]
         eyes_m = self._eyes(viewer)
+        cut = self._cut([windows.seen_from(eye, copy) for copy, eye in enumerate(eyes_m)], everybody, overlay)
+        selected_at = time.perf_counter()
         forward = np.repeat(np.array([viewer.direction]), len(eyes_m), axis=0)
         triangles = self._layer.sort(windows, eyes_m, self.room_from_mesh, forward=forward)
         sorted_at = time.perf_counter()
@@ -266,8 +327,38 @@ class SceneRenderer:
         if self._anaglyph is not None:
             texture = self._anaglyph.draw(texture, target=target, target_format=target_format, slot=slot)
         active = int(windows.facing(eyes_m[0]).sum())
-        clock = (sorted_at - begin, time.perf_counter() - sorted_at)
-        return _Drawn(quilt, texture, SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3))
+        clock = (sorted_at - selected_at, time.perf_counter() - sorted_at)
+        report = SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3)
+        if cut is not None and self.simplified is not None:
+            report = replace(
+                report, policy=self.simplified.policy.label, left=len(cut), max_error_px=cut.largest_px,
+                distance_factor=cut.reached, select_ms=(selected_at - begin) * 1e3,
+            )  # fmt: skip
+        else:
+            report = replace(report, left=self._nodes.size)
+        return _Drawn(quilt, texture, report)
+
+    def _cut(
+        self, views: Sequence[PanelViews], viewers: Sequence[Viewer], overlay: SceneOverlay | None
+    ) -> MeshCut | None:
+        """Choose the triangles that are left; None where all are."""
+        if self.simplified is None:
+            return None
+        policy = self.simplified.policy
+        if policy.eyesight.name == "contrast" and self._shares is None:
+            self._shares = shares_of_codes(self._whites)
+        shares = self._shares if policy.eyesight.name == "contrast" and self._shares is not None else np.ones(256)
+        sight = FoldSight(
+            tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight), policy, shares,
+            self.simplified.extent,
+        )  # fmt: skip
+        cut = select_mesh(self.simplified.foldable, sight)
+        self._layer.choose(cut.triangles)
+        if overlay == "simplified" or self._tinted:
+            self._tinted = overlay == "simplified"
+            colours = fold_colours(self.simplified.foldable, cut) if self._tinted else self._nodes.colours
+            self._layer.paint(replace(self._nodes, colours=colours))
+        return cut
 
     def _eyes(self, viewer: Viewer) -> Floats:
         if self.stereo == "none":

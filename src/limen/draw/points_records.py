@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from limen.draw.views import least_cosine
 from limen.geometry import Floats
+from limen.select.lighting import AMBIENT, TOWARD_LIGHT
 from limen.view import PanelViews, Windows
 
 __all__ = ["CHUNK_ROW", "CLOUD", "PLACED", "RAYS", "chunk_row", "cloud_row", "ray_rows", "stride_of"]
 
 Rows: TypeAlias = NDArray[np.void]
-
-_LIGHT = np.array([0.35, 0.8, 0.5]) / np.linalg.norm([0.35, 0.8, 0.5])
-_AMBIENT = 0.25
 
 RAYS = np.dtype([("across", "<f4", 4), ("along", "<f4", 4), ("base", "<f4", 4), ("bounds", "<f4", 4)])
 CHUNK_ROW = np.dtype(
@@ -108,7 +106,7 @@ def cloud_row(
     row = np.zeros(1, CLOUD)
     row["way_from_cloud"] = way_from_cloud
     row["normal_from_cloud"][0, :, :3] = way_from_cloud[:, :3] / unit_m
-    row["light"], row["background"][0, :3] = [*_LIGHT, _AMBIENT], background
+    row["light"], row["background"][0, :3] = [*TOWARD_LIGHT, AMBIENT], background
     row["least_cosine"] = least_cosine([views], windows.light[1])
     row["unit_m"], row["is_lit"], row["pairs"] = unit_m, lit, pairs
     row["width"], row["height"] = windows.quilt.size_px

@@ -25,12 +25,13 @@ from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
+from limen.select.lighting import AMBIENT, TOWARD_LIGHT
 from limen.view import NEAR_M, Windows
 
 __all__ = ["DEPTH_FORMAT", "METHODS", "QUILT_FORMAT", "Depth", "Method", "SceneLayer", "SceneOverlay"]
 
 Depth: TypeAlias = Literal["panel", "shared"]
-SceneOverlay: TypeAlias = Literal["panels"]
+SceneOverlay: TypeAlias = Literal["panels", "simplified"]
 Method: TypeAlias = Literal["limen", "paper", "hierarchy", "per-panel"]
 
 METHODS: dict[Method, type[Sorter]] = {
@@ -41,9 +42,7 @@ METHODS: dict[Method, type[Sorter]] = {
 }
 """Ways to find the panels of a triangle: limen's own, and those that it is compared with."""
 
-_OVERLAYS: dict[SceneOverlay | None, int] = {None: 0, "panels": 1}
-_LIGHT = np.array([0.35, 0.8, 0.5]) / np.linalg.norm([0.35, 0.8, 0.5])
-_AMBIENT = 0.25
+_OVERLAYS: dict[SceneOverlay | None, int] = {None: 0, "panels": 1, "simplified": 0}
 _NUMBERS = {
     "scene": 0, "views": 1, "triangles": 2, "ways": 3, "pairs": 4, "corners": 5, "pictures": 6, "smoothly": 7,
     "warped": 8,
@@ -111,6 +110,14 @@ class SceneLayer:
         self._corners.write(corner_rows(mesh))
         self._bounds = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
 
+    def paint(self, mesh: Mesh) -> None:
+        """The same vertices with other colours, normals or places in textures."""
+        self._corners.write(corner_rows(mesh))
+
+    def choose(self, triangles: NDArray[np.uint32]) -> None:
+        """Other triangles of the same vertices, shape (T, 3): what the next frames show."""
+        self.sorter.choose(triangles)
+
     def sort(self, windows: Windows, eyes_m: Floats, room_from_mesh: Floats, *, forward: Floats | None = None) -> int:
         """The first half of a frame: which triangles touch which panels; waits for the adapter.
 
@@ -149,7 +156,7 @@ class SceneLayer:
         self._scene.write(
             scene_row(
                 views, room_from_mesh, vertices=self.sorter.vertex_count, forward=forward, near_m=NEAR_M,
-                light=np.array([*_LIGHT, _AMBIENT]), falloff=falloff,
+                light=np.array([*TOWARD_LIGHT, AMBIENT]), falloff=falloff,
             )
         )  # fmt: skip
         self.sorter.sort(views, eye_from_mesh, (gain, falloff))

@@ -90,7 +90,7 @@ class Sorter:
             name: GrowingBuffer(device, name, _usage(name)) for name in dict.fromkeys((*_SHARED, *self.bindings))
         }
         self.move(positions)
-        self.buffers["triangles"].write(triangles)
+        self.choose(triangles)
         self.buffers["counters"].reserve(16)
         self.buffers["arguments"].reserve(64)
         self.pair_capacity = first_pairs or 0
@@ -115,6 +115,11 @@ class Sorter:
     def move(self, positions: NDArray[np.float32]) -> None:
         """Other places for the same vertices: shape (V, 3)."""
         self.buffers["positions"].write(positions.astype(np.float32, copy=False))
+
+    def choose(self, triangles: NDArray[np.uint32]) -> None:
+        """Other triangles of the same vertices, shape (T, 3): what is sorted from now on."""
+        self.triangle_count = len(triangles)
+        self.buffers["triangles"].write(triangles)
 
     def sort(self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]) -> None:
         """Submit the sorting of one frame.

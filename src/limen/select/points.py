@@ -29,6 +29,7 @@ from limen.data.point_nodes import radius_of_code
 from limen.data.points_file import Points
 from limen.errors import InputError
 from limen.geometry import Floats
+from limen.select.lighting import AMBIENT, TOWARD_LIGHT
 from limen.select.point_kernels import (
     BINS,
     BINS_PER_OCTAVE,
@@ -39,15 +40,15 @@ from limen.select.point_kernels import (
 from limen.tolerance import COUNTED, Policy, Tolerance
 from limen.view import PanelViews
 
-__all__ = ["TOP_ITEM", "PointCut", "PointTree", "Resident", "Sight", "select_points"]
+__all__ = [
+    "TOP_ITEM", "PointCut", "PointTree", "Resident", "Sight", "budget_limit", "eye_rows", "panel_rows", "select_points"
+]  # fmt: skip
 
 TOP_ITEM = 1 << 31
 """Set in the number of an item that is a top (its row among all tops); without it, it is ``slot * 4681 + node``."""
 
 _SLICE = 64  # chunks that a thread takes at a time
 _FIRST_ROOM = 256  # splats a chunk that room is made for at first
-_LIGHT = np.array([0.35, 0.8, 0.5]) / np.linalg.norm([0.35, 0.8, 0.5])
-_AMBIENT = 0.25
 
 Index = NDArray[np.int64]
 
@@ -188,7 +189,7 @@ def select_points(
         Panels to choose for, by default all that face the eye.
     """
     panels = np.flatnonzero(sight.views.facing) if active is None else np.asarray(active, np.int64)
-    rows = _panel_rows(sight.views)
+    rows = panel_rows(sight.views)
     told = _Told(tree, resident, sight)
     workers = worker_count() if threads is None else threads
     with ThreadPoolExecutor(max(workers, 1)) as pool:
@@ -212,11 +213,8 @@ class _Told:
 
     def __init__(self, tree: PointTree, resident: Resident, sight: Sight) -> None:
         self.tree, self.resident = tree, resident
-        tolerance = sight.tolerance
-        eyes = np.zeros((len(tolerance.tan_angle), 8))
-        eyes[:, :3] = tolerance.eyes_m - sight.views.eye_m
-        eyes[:, 3], eyes[:, 4:7], eyes[:, 7] = tolerance.tan_angle, tolerance.gaze, tolerance.slack_deg
-        light = np.array([*_LIGHT, _AMBIENT, float(sight.lit)])
+        eyes = eye_rows(sight.tolerance, sight.views.eye_m)
+        light = np.array([*TOWARD_LIGHT, AMBIENT, float(sight.lit)])
         mode = int(len(eyes) > 0 and sight.policy.name not in ("full", "size"))
         self.seen = (
             eyes, sight.way_from_cloud, sight.size, light, np.asarray(sight.shares, dtype=float), mode, tree.two_sided
@@ -280,14 +278,34 @@ class _Told:
 def _limit_of_budget(told: _Told, pool: ThreadPoolExecutor, panels: Floats, most: int) -> float:
     """The smallest ``k`` (a bin's edge) up to which nodes can be drawn with no more than ``most`` splats in all."""
     histogram = sum((told.count(pool, panel) for panel in panels), np.zeros(BINS, np.int64))
-    # Above an edge lie all bins from its own on: opening what is above it makes so many splats, one a panel at least.
-    above = np.append(np.cumsum(histogram[::-1])[::-1], 0) + len(panels)
+    return budget_limit(histogram, len(panels), most)
+
+
+def budget_limit(histogram: Index, least: int, most: int) -> float:
+    """The smallest edge of a bin such that no more than ``most`` items are drawn.
+
+    Parameters
+    ----------
+    histogram
+        (256,): items that are drawn in addition, where all above an edge, by ``k``, is gone into.
+    least
+        How many there are when nothing is.
+    """
+    above = np.append(np.cumsum(histogram[::-1])[::-1], 0) + least
     fits = np.flatnonzero(above <= most)
     edge = int(fits[0]) if len(fits) else BINS
     return 0.0 if edge == 0 else math.inf if edge >= BINS else 2.0 ** (LOWEST_OCTAVE + edge / BINS_PER_OCTAVE)
 
 
-def _panel_rows(views: PanelViews) -> Floats:
+def eye_rows(tolerance: Tolerance, eye_m: Floats) -> Floats:
+    """What the loops are told of all eyes, (E, 8), from the one that is drawn for."""
+    eyes = np.zeros((len(tolerance.tan_angle), 8))
+    eyes[:, :3] = tolerance.eyes_m - eye_m
+    eyes[:, 3], eyes[:, 4:7], eyes[:, 7] = tolerance.tan_angle, tolerance.gaze, tolerance.slack_deg
+    return eyes
+
+
+def panel_rows(views: PanelViews) -> Floats:
     """What the loops are told of every panel, (N, 30)."""
     rows = np.zeros((len(views.near), 30))
     normal = views.clip[:, 2]

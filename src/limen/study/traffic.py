@@ -296,7 +296,7 @@ def _in_threads(look: _Look, frames: list[Frame]) -> Iterator[tuple[list[int], i
 
 def _floor_policy(policy: Policy) -> Policy:
     """The eyes that a policy serves, without regard to what the picture shows."""
-    return Policy() if policy.name == "full" else replace(policy, name="acuity")
+    return Policy() if policy.name == "full" else replace(policy.eyesight, name="acuity")
 
 
 class _Look:

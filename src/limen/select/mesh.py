@@ -1,0 +1,256 @@
+"""Which nodes of a vertex tree are folded: as many as nobody can tell from none, or all but what a budget buys.
+
+A node is folded where its change to the picture is invisible. Inside the surface it changes light and colours: all
+normals of its region lie within an angle of the proxy's, so the contrast is bounded, and nothing larger than the region
+changes. On the silhouette, anything may appear behind: the contrast is the largest there is, and what changes is as
+large as the region (the paper), or only as wide as the surface moves (the paper's section 8.2 asks for it: a strip
+along the outline). What faces away from the eye may move as far as on a silhouette, in case it sticks out.
+
+References
+----------
+Luebke, Hallen 2001, *Perceptually Driven Simplification for Interactive Rendering*, section 5, and 8.2.
+Cohen, Olano, Manocha 1998, *Appearance-Preserving Simplification*, SIGGRAPH (deviation of the surface, in pixels).
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.machine import worker_count
+from limen.data.tree_node_kernels import add_up
+from limen.data.vertex_tree import VertexTree
+from limen.errors import InputError
+from limen.geometry import Floats
+from limen.select.bend_kernels import MOMENTS, bends, nest, star_moments
+from limen.select.facing import SPREAD_SINES, facing_masks
+from limen.select.fold_kernels import RIPPLE_SHARE, count_left, deaths, emit, fold, spreads
+from limen.select.lighting import AMBIENT, TOWARD_LIGHT
+from limen.select.point_kernels import BINS
+from limen.select.points import budget_limit, eye_rows, panel_rows
+from limen.select.shares import shares_of_codes
+from limen.tolerance import COUNTED, Policy, Tolerance
+from limen.view import PanelViews
+from limen.vision.grades import CONTRAST_OF_CODE
+
+__all__ = ["Extent", "FoldSight", "Foldable", "MeshCut", "select_mesh"]
+
+Extent: TypeAlias = Literal["support", "displacement"]
+"""What a silhouette's change is as wide as: the region of support, or twice what the surface moves."""
+
+_USUALLY_STEEP = 0.5 * RIPPLE_SHARE
+
+_SLICE = 1 << 16  # triangles that a thread takes at a time
+
+Index = NDArray[np.int64]
+
+
+class Foldable:
+    """A vertex tree, and what has to be known of it once.
+
+    Parameters
+    ----------
+    tree
+        Of `limen.data.tree_build.build_vertex_tree`.
+    """
+
+    def __init__(self, tree: VertexTree) -> None:
+        self.tree = tree
+        nodes, inner = len(tree.position), len(tree.radius)
+        self.dies_at = np.empty(len(tree.triangles), np.int32)
+        self.lost = np.zeros(nodes + 1, np.int64)
+        deaths(tree.triangles, tree.parent, self.dies_at, self.lost)
+        cosine = np.ones(inner)
+        spreads(tree.triangles, tree.parent, tree.vertices, tree.normal, tree.normal[: tree.vertices], cosine)
+        self.spread = np.where(cosine < 0, math.pi, np.arccos(np.clip(cosine, -1, 1)))
+        self.ripple = _ripples(tree)
+
+    @cached_property
+    def holes(self) -> Floats | None:
+        """Planes of what would close the holes, turned outwards, (H, 4); None where it is no surface with holes."""
+        return _covers(self.tree)
+
+    def hides_back(self, eye_in_mesh: Floats) -> bool:
+        """Whether an eye, (3,) in the mesh's coordinates, sees no triangle from behind.
+
+        Whoever looks into a closed surface has to look through its hull; so with holes, where the eye is behind what
+        would cover each of them. Covers are taken for planes, so a strongly bent hole may show some of the back; what
+        is behind is never moved visibly for that reason.
+        """
+        return self.holes is not None and bool((self.holes @ np.append(eye_in_mesh, 1.0) <= 0).all())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoldSight:
+    """How a mesh is seen; see `limen.select.points.Sight`.
+
+    Parameters
+    ----------
+    room_from_mesh
+        A rotation, one scale and a move, (4, 4).
+    lit
+        Whether light falls on it as `limen.select.lighting` says.
+    """
+
+    views: tuple[PanelViews, ...]
+    room_from_mesh: Floats
+    tolerance: Tolerance
+    policy: Policy
+    shares: Floats
+    extent: Extent = "displacement"
+    lit: bool = True
+
+    def __post_init__(self) -> None:
+        linear = np.asarray(self.room_from_mesh, dtype=float)[:3, :3]
+        squared = linear.T @ linear
+        size = float(np.trace(squared)) / 3
+        if not (size > 0 and np.allclose(squared, size * np.eye(3), atol=1e-5 * size)):
+            raise InputError("a mesh that is simplified is turned, moved and scaled by one number, not stretched")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshCut:
+    """A mesh with some nodes folded.
+
+    Parameters
+    ----------
+    triangles
+        (T, 3) uint32: numbers of nodes.
+    state
+        (N + 1,): the node that stands for each; -1 for inner nodes that are not folded.
+    limit
+        Nodes are folded up to this ``k``: 1, or what a budget leads to.
+    reached
+        The largest ``k`` folded: how many times farther away viewers would have to be for nobody to see it.
+    largest_px
+        Diameter of the largest region folded, pixels of its panel.
+    asked
+        How many nodes were looked at.
+    faces
+        (N - V,): of each node that was asked whether it is hidden, inside or on the silhouette.
+    """
+
+    triangles: NDArray[np.uint32]
+    state: NDArray[np.int32]
+    limit: float
+    reached: float
+    largest_px: float
+    asked: int
+    faces: NDArray[np.int8]
+
+    def __len__(self) -> int:
+        return len(self.triangles)
+
+
+def select_mesh(mesh: Foldable, sight: FoldSight, *, threads: int | None = None) -> MeshCut:
+    """The cut of a mesh for all views of one eye each (two for stereo); the same whatever the number of threads."""
+    tree, policy = mesh.tree, sight.policy
+    state = np.empty(len(tree.position) + 1, np.int32)
+    faces = np.zeros(len(tree.radius), np.int8)
+    if policy.name == "full":
+        state[:-1] = np.where(np.arange(len(tree.position)) < tree.vertices, np.arange(len(tree.position)), -1)
+        state[-1] = -1
+        return MeshCut(_emitted(mesh, state, threads), state, 0.0, 0.0, 0.0, 0, faces)
+    limit = 1.0
+    if policy.name in COUNTED:
+        assert policy.most_items is not None
+        histogram = np.zeros(BINS, np.int64)
+        _folded(mesh, sight, 0.0, state, faces, histogram)
+        limit = budget_limit(histogram, int(mesh.lost[-1]), policy.most_items)
+    _, asked, largest, widest = _folded(mesh, sight, limit, state, faces, np.zeros(0, np.int64))
+    return MeshCut(_emitted(mesh, state, threads), state, limit, largest, widest, asked, faces)
+
+
+def _folded(
+    mesh: Foldable, sight: FoldSight, limit: float, state: NDArray[np.int32], faces: NDArray[np.int8], histogram: Index
+) -> tuple[int, int, float, float]:
+    tree = mesh.tree
+    eye_m = np.mean([view.eye_m for view in sight.views], axis=0)
+    room = np.asarray(sight.room_from_mesh, dtype=float)
+    way = room[:3].copy()
+    way[:, 3] -= eye_m
+    size = math.sqrt(float(np.square(way[:, :3]).sum()) / 3)
+    in_mesh = np.linalg.inv(room) @ np.append(eye_m, 1.0)
+    light = np.array([*TOWARD_LIGHT, AMBIENT, float(sight.lit)])
+    masks = facing_masks()
+    panels = np.concatenate([panel_rows(view)[view.facing] for view in sight.views])
+    mode = int(len(sight.tolerance.tan_angle) > 0 and sight.policy.name != "size")
+    found: Any = fold(
+        tree.parent, tree.vertices, tree.normal, tree.middle, tree.radius, tree.displacement, tree.contrast,
+        mesh.spread, mesh.ripple, tree.mask, mesh.lost, masks.front, masks.back, SPREAD_SINES, panels,
+        eye_rows(sight.tolerance, eye_m), way, size, way[:, :3] / size, light, np.asarray(sight.shares, dtype=float),
+        mode, sight.extent == "displacement", mesh.hides_back(in_mesh[:3]), limit, state,
+        np.full(len(tree.radius), -1.0), faces, histogram,
+    )  # fmt: skip
+    left, asked, largest, widest = found
+    return int(left), int(asked), float(largest), float(widest)
+
+
+def _emitted(mesh: Foldable, state: NDArray[np.int32], threads: int | None) -> NDArray[np.uint32]:
+    """The triangles that are left, in their order: counted in slices, so that every slice knows where to write."""
+    triangles = mesh.tree.triangles
+    spans = [(begin, min(begin + _SLICE, len(triangles))) for begin in range(0, len(triangles), _SLICE)]
+    with ThreadPoolExecutor(max(worker_count() if threads is None else threads, 1)) as pool:
+        counts = list(pool.map(lambda span: count_left(mesh.dies_at, state, *span), spans))
+        firsts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        out = np.empty((int(firsts[-1]), 3), np.uint32)
+        list(pool.map(lambda n: emit(triangles, mesh.dies_at, state, *spans[n], firsts[n], out), range(len(spans))))
+    return out
+
+
+def _ripples(tree: VertexTree) -> Floats:
+    """How far the normals of each region are from a steady bend, (N - V,) radians: root of the mean square.
+
+    A folded region still bends as its neighbours do: what Gouraud shading draws between proxies is linear. So a linear
+    function of place is fitted to the normals of each region, by moments that add up the tree.
+    """
+    vertices, nodes = tree.vertices, len(tree.position)
+    place = tree.position[:vertices].astype(float)
+    low, high = place.min(axis=0), place.max(axis=0)
+    place = (place - (low + high) / 2) / max(float((high - low).max()), 1e-30)
+    sums = np.zeros((nodes, MOMENTS))
+    star_moments(tree.triangles, place, tree.normal[:vertices].astype(float), sums)
+    add_up(tree.parent, sums)
+    ripple2 = np.empty(nodes - vertices)
+    bends(sums[vertices:], ripple2)
+    ripple = np.sqrt(ripple2)
+    nest(tree.parent, vertices, tree.radius, ripple, _USUALLY_STEEP, shares_of_codes(100.0), CONTRAST_OF_CODE)
+    return ripple
+
+
+def _covers(tree: VertexTree) -> Floats | None:
+    """The mean plane of every loop of border edges, (H, 4); None where edges have more than two triangles or are turned
+    against each other. Vertices of one place count as one.
+    """
+    places, number = np.unique(tree.position[: tree.vertices] + np.float32(0), axis=0, return_inverse=True)
+    corners = number.ravel()[tree.triangles].astype(np.int64)
+    corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+    ahead = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
+    key, back = (ahead[:, 0] * len(places) + ahead[:, 1] for ahead in (ahead, ahead[:, ::-1]))
+    if len(np.unique(key)) < len(key):
+        return None
+    border = ahead[~np.isin(back, key, assume_unique=True)][:, ::-1]  # a cover runs the other way around
+    if not len(border):
+        return np.zeros((0, 4))
+    follows = dict(border.tolist())
+    if len(follows) < len(border):
+        return None  # two loops touch
+    planes, pending = [], set(follows)
+    while pending:
+        loop = [pending.pop()]
+        while (after := follows[loop[-1]]) != loop[0]:
+            if after not in pending:
+                return None
+            pending.remove(after)
+            loop.append(after)
+        ring = places[loop].astype(float)
+        middle = ring.mean(axis=0)
+        normal = np.cross(ring - middle, np.roll(ring, -1, axis=0) - middle).sum(axis=0)  # Newell's
+        planes.append(np.append(normal, -normal @ middle))
+    return np.array(planes)

@@ -1,0 +1,200 @@
+"""Folded meshes: every vertex stands somewhere, a tighter tolerance never coarsens, budgets are kept, threads agree."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from limen.data.mesh import NO_TEXTURE, Mesh, smooth_normals
+from limen.data.mesh_sample import torus_knot
+from limen.data.tree_build import build_vertex_tree
+from limen.data.tree_node_kernels import cell_of
+from limen.display.display import Display
+from limen.display.quilt import Quilt
+from limen.select.bend_kernels import MOMENTS, bends, star_moments
+from limen.select.facing import SPREAD_SINES, facing_masks
+from limen.select.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
+from limen.select.mesh import Foldable, FoldSight, select_mesh
+from limen.select.shares import shares_of_codes
+from limen.tolerance import Policy, tolerance_of
+from limen.view import Windows
+from limen.viewer import Viewer
+
+
+def ball(rings: int = 40, *, bumps: float = 0.02) -> Mesh:
+    """A closed, bumpy ball of 1 m."""
+    angle = np.linspace(0, np.pi, rings + 1)[1:-1]
+    turn = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)
+    a, t = np.meshgrid(angle, turn, indexing="ij")
+    radius = 1 + bumps * np.sin(7 * t) * np.sin(9 * a)
+    places = np.stack([radius * np.sin(a) * np.cos(t), radius * np.cos(a), radius * np.sin(a) * np.sin(t)], axis=-1)
+    places = np.concatenate([[[0, 1, 0]], places.reshape(-1, 3), [[0, -1, 0]]]).astype(np.float32)
+    around, last = 2 * rings, len(places) - 1
+    triangles = [(0, 1 + (i + 1) % around, 1 + i) for i in range(around)]
+    for ring in range(rings - 2):
+        for i in range(around):
+            one, two = 1 + ring * around + i, 1 + ring * around + (i + 1) % around
+            triangles += [(one, two, two + around), (one, two + around, one + around)]
+    begin = 1 + (rings - 2) * around
+    triangles += [(last, begin + i, begin + (i + 1) % around) for i in range(around)]
+    numbers = np.array(triangles, np.uint32)
+    count = len(places)
+    normals = smooth_normals(places, numbers, np.arange(count, dtype=np.uint32))
+    return Mesh(
+        None, places, numbers, normals, np.full((count, 4), 200, np.uint8), np.zeros((count, 2), np.float32),
+        np.full(count, NO_TEXTURE, np.uint32), np.zeros((0, 1, 1, 4), np.uint8),
+    )  # fmt: skip
+
+
+BALL = Foldable(build_vertex_tree(ball()))
+VIEWS = Windows(Display.window((640, 480)), Quilt((640, 480), (0,), ((0, 0),))).seen_from(np.zeros(3))
+SHARES = shares_of_codes(100.0)
+
+
+def sight(policy: str, distance_m: float = 6.0, turn: float = 0.3, *, acuity: float = 3.0, extent="displacement"):
+    chosen = Policy.parse(policy)
+    matrix = np.eye(4)
+    matrix[:3, :3] = [[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]]
+    matrix[:3, 3] = 0, 0, -distance_m
+    viewers = [Viewer((0, 0, 0), gaze=(0.5, 0, -1), acuity_arcmin=acuity, eye_separation_m=0)]
+    shares = SHARES if chosen.eyesight.name == "contrast" else np.ones(256)
+    return FoldSight((VIEWS,), matrix, tolerance_of(viewers, chosen.eyesight), chosen, shares, extent)
+
+
+def test_all_triangles_are_left_where_nothing_is_folded():
+    cut = select_mesh(BALL, sight("full"))
+    assert np.array_equal(cut.triangles, BALL.tree.triangles)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(1.5, 60.0), st.floats(0, 6.3), st.sampled_from(["acuity", "contrast", "contrast+gaze"]),
+    st.sampled_from(["support", "displacement"]),
+)  # fmt: skip
+def test_every_vertex_stands_in_one_node_above_it_and_triangles_are_those_of_three(distance_m, turn, policy, extent):
+    cut = select_mesh(BALL, sight(policy, distance_m, turn, extent=extent))
+    tree = BALL.tree
+    state = cut.state[:-1]
+    stands = state[: tree.vertices]
+    assert (state[stands] == stands).all()
+    above = np.arange(tree.vertices)
+    reached = above == stands
+    while not reached.all():
+        above = np.where(reached, above, tree.parent[above])
+        assert (above >= 0).all()
+        reached |= above == stands
+    corners = stands[tree.triangles]
+    kept = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+    assert np.array_equal(cut.triangles, kept)
+    assert cut.reached <= cut.limit
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(2.0, 60.0), st.floats(0, 6.3), st.sampled_from(["acuity", "contrast", "contrast+gaze"]), st.floats(1, 8)
+)
+def test_a_tighter_tolerance_never_coarsens(distance_m, turn, policy, looser):
+    fine = select_mesh(BALL, sight(policy, distance_m, turn, acuity=1.0)).state[:-1]
+    coarse = select_mesh(BALL, sight(policy, distance_m, turn, acuity=looser)).state[:-1]
+    # What stands for a vertex in the fine cut is itself below what stands for it in the coarse one.
+    stands = fine[: BALL.tree.vertices]
+    assert np.array_equal(coarse[stands], coarse[: BALL.tree.vertices])
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(2.0, 30.0), st.integers(4, 7000), st.sampled_from(["budget", "budget+gaze", "size"]))
+def test_a_budget_is_kept_and_a_larger_one_folds_less(distance_m, most, policy):
+    cut, more = (select_mesh(BALL, sight(f"{policy}:{number}", distance_m)) for number in (most, 2 * most))
+    assert len(cut) <= most
+    assert more.limit <= cut.limit
+    assert len(more) >= len(cut)
+
+
+def test_threads_do_not_change_the_cut():
+    one, three = (select_mesh(BALL, sight("contrast", 20.0), threads=threads) for threads in (1, 3))
+    assert np.array_equal(one.triangles, three.triangles)
+
+
+def test_silhouettes_keep_more_than_what_is_inside():
+    smooth = Foldable(build_vertex_tree(ball(bumps=0.0)))
+    cut = select_mesh(smooth, sight("budget:2000", 15.0))
+    unfolded = cut.state[smooth.tree.vertices : -1] == -1
+    inner = smooth.lost[smooth.tree.vertices : -1]
+    left = [int(inner[unfolded & (cut.faces == kind)].sum()) for kind in (HIDDEN, INTERIOR, SILHOUETTE)]
+    assert left[SILHOUETTE] > left[INTERIOR]
+    assert left[SILHOUETTE] > left[HIDDEN]
+
+
+def test_less_is_left_than_by_the_papers_own_extent():
+    ours, papers = (
+        len(select_mesh(BALL, sight("contrast", 20.0, extent=each))) for each in ("displacement", "support")
+    )
+    assert ours < papers
+
+
+# ---------------------------------------------------------------------- parts
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_no_silhouette_is_missed(seed):
+    """Whatever the masks call hidden or inside is so, for all its normals and all directions within its angle."""
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=3) + rng.uniform(0.05, 0.7) * rng.normal(size=(12, 3))
+    mask = np.zeros(6, np.uint64)
+    for normal in normals:
+        cell = int(cell_of(*normal))
+        mask[cell >> 6] |= np.uint64(1) << np.uint64(cell & 63)
+    toward = rng.normal(size=3)
+    sine = float(rng.uniform(0, SPREAD_SINES[-1]))
+    masks = facing_masks()
+    facing = facing_of(mask, masks.front, masks.back, *toward, sine, SPREAD_SINES)
+    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    tilt = np.arcsin(np.clip(unit @ toward / np.linalg.norm(toward), -1, 1))
+    margin = math.asin(sine)
+    if facing == HIDDEN:
+        assert (tilt <= -margin + 1e-9).all()
+    if facing == INTERIOR:
+        assert (tilt >= margin - 1e-9).all()
+
+
+def test_what_bends_steadily_does_not_ripple_and_what_ripples_does():
+    rng = np.random.default_rng(1)
+    places = np.column_stack([rng.uniform(-1, 1, (300, 2)), np.zeros(300)])
+    triangles = np.stack([np.arange(0, 297), np.arange(1, 298), np.arange(2, 299)], axis=1).astype(np.uint32)
+    steady = np.column_stack([0.1 * places[:, 0], 0.05 * places[:, 0] - 0.1 * places[:, 1], np.ones(300)])
+    rippling = steady.copy()
+    rippling[:, 0] += 0.05 * np.where(rng.random(300) < 0.5, 1, -1)
+    found = []
+    for normals in (steady, rippling):
+        sums = np.zeros((300, MOMENTS))
+        star_moments(triangles, places, normals, sums)
+        ripple2 = np.empty(1)
+        bends(sums.sum(axis=0)[None], ripple2)
+        found.append(math.sqrt(ripple2[0]))
+    assert found[0] < 0.002
+    assert found[1] == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_closed_surface_hides_its_back_and_one_with_a_hole_from_one_side_only():
+    closed = ball()
+    open_below = Mesh(
+        None, closed.positions, closed.triangles[closed.positions[closed.triangles, 1].min(axis=1) > -0.8],
+        closed.normals, closed.colours, closed.uv, closed.layers, closed.textures,
+    )  # fmt: skip
+    whole, holed = BALL, Foldable(build_vertex_tree(open_below))
+    above, below = np.array([0.0, 5, 0]), np.array([0.0, -5, 0])
+    assert whole.hides_back(above)
+    assert whole.hides_back(below)
+    assert holed.hides_back(above)
+    assert not holed.hides_back(below)
+
+
+def test_a_mesh_of_several_parts_folds():
+    knot = torus_knot(2000)
+    foldable = Foldable(build_vertex_tree(knot))
+    assert len(select_mesh(foldable, sight("budget:500", 4.0))) <= 500
