@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,8 @@ from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.look_at import LookAt
 from limen.placement import OnShape, OnSurface, Placement, mesh_in_room
-from limen.scene import SceneRenderer, Stereo
+from limen.scene import SceneRenderer, Simplified, Stereo
+from limen.select.mesh import Foldable
 from limen.terrain import TerrainRenderer
 from limen.terrain_choice import TerrainSettings
 from limen.tolerance import Policy
@@ -31,49 +32,55 @@ from limen.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN
 
 if TYPE_CHECKING:
+    from limen.data.points_file import Points
     from limen.data.terrain_file import Terrain
+    from limen.draw.points import PointsOverlay
 
 __all__ = ["render"]
 
+_NAMES = {"mesh": "a mesh", "points": "a cloud of points", "terrain": "a terrain"}
+
 
 def render(
-    content: Image | Mesh | Terrain | str | Path,
+    content: Image | Mesh | Points | Terrain | str | Path,
     display: Display,
     viewers: Sequence[Viewer] = (),
-    policy: str | Policy = "acuity",
+    policy: str | Policy | None = None,
     *,
     panels: str | Sequence[str] = "*",
     acuity_arcmin: str | float = HUMAN_ARCMIN,
     placement: Placement | Floats | LookAt | None = None,
-    overlay: Overlay | SceneOverlay | TerrainOverlay | None = None,
+    overlay: Overlay | SceneOverlay | TerrainOverlay | PointsOverlay | None = None,
     stereo: Stereo = "none",
     scale: float = 1.0,
     device: Device | None = None,
 ) -> dict[str, NDArray[np.uint8]]:
-    """What each panel shows: of an image or a terrain, detail as the policy asks for; of a mesh, all of it.
+    """What each panel shows: detail as the policy asks for.
 
     Parameters
     ----------
     content
-        An opened image, mesh or terrain, or a file's path.
+        An opened image, mesh, terrain or cloud of points, or a file's path.
     display
         The installation.
     viewers
-        Who looks. Of an image, nothing is left out for nobody. A mesh or a terrain is seen by the first, whom it needs.
+        Who looks. Of an image, nothing is left out for nobody. All else is seen by the first, whom it needs.
     policy
         ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.tolerance.Policy`); of a
-        terrain also ``scheel``. No policy leaves out anything of a mesh.
+        terrain also ``scheel``; of a mesh or points also ``budget:N`` and ``size:N``. By default ``acuity``, of a mesh
+        ``full``: for the others its vertices are joined to a tree first, a second for a million triangles.
     panels
         Shell-style pattern(s) of the panels wanted.
     acuity_arcmin
         For all policies but ``full`` and ``scheel``: arcminutes, ``human`` or ``snellen``.
     placement
-        How the image lies on the display: by default fitted inside the unrolled surface, centred. Of a mesh, the
-        affine map from its coordinates to the room, metres, shape (4, 4): by default `limen.placement.mesh_in_room`. Of
-        a terrain, a `limen.LookAt`: from where it is looked at by the first viewer; by default all of it is seen.
+        How the image lies on the display: by default fitted inside the unrolled surface, centred. Of a mesh or points,
+        the affine map from its coordinates to the room, metres, shape (4, 4): by default
+        `limen.placement.mesh_in_room`. Of a terrain, a `limen.LookAt`: from where it is looked at by the first viewer; by default all of it is seen.
     overlay
         ``levels`` tints every pixel of an image by the level drawn, ``panels`` a mesh by the panel that shows it and a
-        terrain by how its panels are seen, ``patches`` shows a terrain's triangles.
+        terrain by how its panels are seen, ``patches`` shows a terrain's triangles, ``simplified`` what stands for
+        much of a mesh or points.
     stereo
         Of a mesh, see `limen.scene.SceneRenderer`; with ``sequential`` there are ``name@left`` and ``name@right``.
     scale
@@ -89,16 +96,17 @@ def render(
     Raises
     ------
     InputError
-        For a policy, pattern or file that does not exist, a mesh or a terrain without a viewer, and what is meant for
-        another kind of content.
+        For a policy, pattern or file that does not exist, anything but an image without a viewer, and what is meant
+        for another kind of content.
     NoAdapterError
         If there is no graphics adapter, not even a software one.
     """
-    chosen = policy if isinstance(policy, Policy) else Policy.parse(policy, acuity_arcmin)
     wanted = display.select(panels)
     if scale != 1.0:
         wanted = wanted.scaled(scale)
     opened = open_content(content) if isinstance(content, str | Path) else content
+    usual = "full" if isinstance(opened, Mesh) else "acuity"
+    chosen = policy if isinstance(policy, Policy) else Policy.parse(policy or usual, acuity_arcmin)
     asked = _Asked(display, wanted, list(viewers), chosen, placement, overlay, stereo)
     with _lent(device) as adapter, ExitStack() as stack:
         if isinstance(opened, Image):
@@ -106,8 +114,12 @@ def render(
                 stack.enter_context(opened)
             return _image_pictures(adapter, opened, asked)
         if not viewers:
-            raise InputError("a mesh or a terrain is drawn for somebody's eyes: give a viewer")
-        return _mesh_pictures(adapter, opened, asked) if isinstance(opened, Mesh) else _land(adapter, opened, asked)
+            raise InputError(f"{_NAMES[opened.kind]} is drawn for somebody's eyes: give a viewer")
+        if isinstance(opened, Mesh):
+            return _mesh_pictures(adapter, opened, asked)
+        if opened.kind == "points":
+            return _splats(adapter, cast("Points", opened), asked)
+        return _land(adapter, cast("Terrain", opened), asked)
 
 
 class _Asked(NamedTuple):
@@ -118,7 +130,7 @@ class _Asked(NamedTuple):
     viewers: list[Viewer]
     policy: Policy
     placement: Placement | Floats | LookAt | None
-    overlay: Overlay | SceneOverlay | TerrainOverlay | None
+    overlay: Overlay | SceneOverlay | TerrainOverlay | PointsOverlay | None
     stereo: Stereo
 
 
@@ -135,16 +147,37 @@ def _image_pictures(device: Device, image: Image, asked: _Asked) -> dict[str, ND
 
 def _mesh_pictures(device: Device, mesh: Mesh, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
     placement, overlay = asked.placement, asked.overlay
-    if overlay not in (None, "panels") or isinstance(placement, OnSurface | OnShape | LookAt):
+    if overlay not in (None, "panels", "simplified") or isinstance(placement, OnSurface | OnShape | LookAt):
         raise InputError(
-            "other overlays than 'panels' and placements on surfaces are for images, LookAt is for terrains: a mesh "
-            "takes a (4, 4) placement"
+            "other overlays than 'panels' and 'simplified' and placements on surfaces are for images, LookAt is for "
+            "terrains: a mesh takes a (4, 4) placement"
         )
     # The whole display says where the mesh stands, whichever panels are drawn.
     stands = mesh_in_room(mesh.bounds, asked.whole) if placement is None else np.asarray(placement, dtype=float)
-    with SceneRenderer(device, asked.wanted, mesh, room_from_mesh=stands, stereo=asked.stereo) as scene:
-        seen = scene.pictures(asked.viewers[0], overlay=overlay)
+    simplified = None
+    if asked.policy.name != "full":
+        from limen.data.tree_build import build_vertex_tree  # Numba and SciPy take a second
+
+        simplified = Simplified(Foldable(build_vertex_tree(mesh)), asked.policy)
+    with SceneRenderer(
+        device, asked.wanted, mesh, room_from_mesh=stands, stereo=asked.stereo, simplified=simplified
+    ) as scene:
+        seen = scene.pictures(asked.viewers, overlay=overlay)
         return {name: picture.copy() for name, picture, _ in seen}
+
+
+def _splats(device: Device, points: Points, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
+    from limen.points import PointsRenderer
+
+    placement, overlay = asked.placement, asked.overlay
+    if overlay not in (None, "panels", "simplified") or isinstance(placement, OnSurface | OnShape | LookAt):
+        raise InputError("points take the overlay 'panels' or 'simplified', and a (4, 4) placement")
+    if asked.stereo != "none":
+        raise InputError("points are drawn for one eye: leave out stereo")
+    stands = mesh_in_room(points.bounds, asked.whole) if placement is None else np.asarray(placement, dtype=float)
+    with PointsRenderer(device, asked.wanted, points, room_from_file=stands) as renderer:
+        drawn = renderer.pictures(asked.viewers, asked.policy, overlay=overlay)
+        return {name: picture.copy() for name, picture, _ in drawn}
 
 
 def _land(device: Device, terrain: Terrain, asked: _Asked) -> dict[str, NDArray[np.uint8]]:

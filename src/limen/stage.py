@@ -17,11 +17,12 @@ from limen.data.mesh import Mesh
 from limen.data.mesh_sample import ripple
 from limen.display.display import Display
 from limen.display.quilt import Quilt
+from limen.draw.scene import SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device
 from limen.placement import mesh_in_room, mesh_stand
-from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
+from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Simplified, Stereo
 from limen.viewer import Viewer
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "Turn",
     "about_middle",
     "check_one_picture",
+    "check_still",
     "posed",
 ]
 
@@ -145,6 +147,16 @@ def check_one_picture(stereo: Stereo) -> None:
         )
 
 
+def check_still(settings: SceneSettings, simplified: Simplified | None) -> None:
+    """Raises
+    ------
+    InputError
+        For a mesh that is deformed and simplified: its vertex tree is of the places that it was made for.
+    """
+    if simplified is not None and settings.animate == "ripple":
+        raise InputError("a mesh that ripples is drawn in full: give --policy full, or --animate turn")
+
+
 def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: float) -> None:
     """Put the mesh in the pose that its animation has at a time."""
     if settings.animate == "ripple":
@@ -156,12 +168,20 @@ def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: 
 class MeshStage:
     """A mesh on a display: a `Stage`."""
 
-    def __init__(self, device: Device, display: Display, mesh: Mesh, settings: SceneSettings) -> None:
+    def __init__(
+        self,
+        device: Device,
+        display: Display,
+        mesh: Mesh,
+        settings: SceneSettings,
+        simplified: Simplified | None = None,
+    ) -> None:
         self._mesh, self._settings = mesh, settings
         self._renderer = SceneRenderer(
             device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=settings.stereo,
-            background=settings.background,
+            background=settings.background, simplified=simplified,
         )  # fmt: skip
+        self._overlay: SceneOverlay = "panels" if simplified is None else "simplified"
         self.quilts, self.guard_px = self._renderer.quilts, self._renderer.guard_px
 
     def pose(self, time_s: float, turn: Turn = STILL) -> None:
@@ -176,11 +196,11 @@ class MeshStage:
         self, viewers: Sequence[Viewer], *, quilt: Quilt, overlay: bool, target: Any, target_format: str
     ) -> SceneReport:
         return self._renderer.frame(
-            viewers[0], quilt=quilt, overlay="panels" if overlay else None, target=target, target_format=target_format
+            viewers, quilt=quilt, overlay=self._overlay if overlay else None, target=target, target_format=target_format
         )
 
     def lit_for(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], SceneReport]:
-        return self._renderer.lit_for(viewers[0], overlay="panels" if overlay else None)
+        return self._renderer.lit_for(viewers, overlay=self._overlay if overlay else None)
 
     def close(self) -> None:
         self._renderer.close()
@@ -198,16 +218,18 @@ class MeshExhibit:
 
     mesh: Mesh
     settings: SceneSettings = SceneSettings()
+    simplified: Simplified | None = None
 
     def __post_init__(self) -> None:
         check_one_picture(self.settings.stereo)
+        check_still(self.settings, self.simplified)
 
     @property
     def name(self) -> str:
         return self.mesh.path.name if self.mesh.path else "mesh"
 
     def on(self, device: Device, display: Display) -> MeshStage:
-        return MeshStage(device, display, self.mesh, self.settings)
+        return MeshStage(device, display, self.mesh, self.settings, self.simplified)
 
 
 def about_middle(room_from_mesh: Floats, bounds: NDArray[Any], turn: Turn) -> Floats:

@@ -12,6 +12,7 @@ from cyclopts import Group, Parameter
 from limen.cli.arguments import place
 from limen.display.display import Display
 from limen.errors import InputError
+from limen.geometry import as_vec3
 from limen.live import Tour
 from limen.terrain_stage import nobody_points
 from limen.track.session import Session
@@ -20,7 +21,7 @@ from limen.viewer import Pointer, Viewer
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]
 
-Overlays: TypeAlias = Literal["none", "levels", "panels", "patches"]
+Overlays: TypeAlias = Literal["none", "levels", "panels", "patches", "simplified"]
 
 _STEP_S = 0.25  # between frames of a viewer who stands
 
@@ -78,6 +79,7 @@ class Asked:
     overlay: Overlays
     files: FileOptions
     windows: WindowOptions
+    gaze: str = ""
 
     def __post_init__(self) -> None:
         if self.files.frames < 1:
@@ -87,6 +89,8 @@ class Asked:
         if (self.session or self.panels) and not self.whole:
             option = "--session" if self.session else "--panels"
             raise InputError(f"{option} is about a display's panels: give --display too")
+        if self.gaze:
+            place(self.gaze, "--gaze")
         if self.files.seen_from:
             place(self.files.seen_from, "--seen-from")
             if not self.files.simulate:
@@ -98,14 +102,14 @@ class Asked:
 
     def stander(self) -> Viewer:
         if self.viewer:
-            return Viewer(place(self.viewer, "--viewer"))
-        return standing_viewer(self.whole) if self.whole else Viewer((0.0, 0.0, 0.0))
+            return self._gazing(Viewer(place(self.viewer, "--viewer")))
+        return self._gazing(standing_viewer(self.whole) if self.whole else Viewer((0.0, 0.0, 0.0)))
 
     def tour(self) -> Tour:
         """Who looks at time t, as a function; a session is run again and again."""
         recorded = self._recorded()
         if recorded is not None:
-            return lambda time_s: recorded.at(recorded.start_s + time_s % recorded.duration_s)
+            return lambda time_s: self._all_gazing(recorded.at(recorded.start_s + time_s % recorded.duration_s))
         person = self.stander()
         return lambda time_s: (replace(person, time_s=time_s),)
 
@@ -121,7 +125,19 @@ class Asked:
             tour = self.tour()
             return [tour(number * _STEP_S) for number in range(self.files.frames)]
         times_s = recorded.start_s + np.linspace(0, recorded.duration_s, self.files.frames + 2)[1:-1]
-        return [recorded.at(float(time_s)) for time_s in times_s]
+        return [self._all_gazing(recorded.at(float(time_s))) for time_s in times_s]
+
+    def _all_gazing(self, viewers: Sequence[Viewer]) -> Sequence[Viewer]:
+        return [self._gazing(viewer) for viewer in viewers]
+
+    def _gazing(self, viewer: Viewer) -> Viewer:
+        """The same person, who looks at the place that ``--gaze`` names, if it does."""
+        if not self.gaze:
+            return viewer
+        way = np.array(place(self.gaze, "--gaze")) - viewer.position_m
+        if not way.any():
+            raise InputError(f"--gaze {self.gaze} is where the viewer's eyes are: give a place to look at")
+        return replace(viewer, gaze=as_vec3(way, "gaze"))
 
     def _recorded(self) -> Session | None:
         """The session that was asked for; None where nobody walks."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import Parameter
 
@@ -19,7 +19,16 @@ from limen.cli.arguments import (
 from limen.cli.asked import FILES_DEFAULT, WINDOWS_DEFAULT, Asked, FileOptions, Overlays, WindowOptions
 from limen.cli.output import DEFAULT, Common, Output
 from limen.cli.show_image import image_row, print_image_rows, write_image_frames
-from limen.cli.show_mesh import MESH_DEFAULT, MeshOptions, mesh_row, print_mesh_rows, write_mesh_frames
+from limen.cli.show_live import say_who, show_live
+from limen.cli.show_mesh import (
+    MESH_DEFAULT,
+    MeshOptions,
+    mesh_row,
+    print_mesh_rows,
+    simplified_mesh,
+    write_mesh_frames,
+)
+from limen.cli.show_points import POINTS_DEFAULT, PointsOptions, show_points
 from limen.cli.show_terrain import (
     TERRAIN_DEFAULT,
     TerrainOptions,
@@ -31,22 +40,21 @@ from limen.cli.show_terrain import (
 from limen.data.image import Image
 from limen.data.mesh import Mesh
 from limen.display.display import Display
+from limen.draw.scene import SceneOverlay
 from limen.draw.terrain import TerrainOverlay
 from limen.errors import InputError
 from limen.live import LiveSettings, run_live
-from limen.live_outputs import run_live_outputs
-from limen.live_scene import run_live_scene
 from limen.placement import Fit, OnSurface
-from limen.scene import SceneReport
-from limen.stage import Exhibit, MeshExhibit
+from limen.scene import SceneReport, Simplified
+from limen.stage import MeshExhibit
 from limen.terrain import TerrainReport
 from limen.terrain_stage import TerrainExhibit
 from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.track.stand import standing_viewer
-from limen.viewer import Viewer
 
 if TYPE_CHECKING:
+    from limen.data.points_file import Points
     from limen.data.terrain_file import Terrain
 
 __all__ = ["show"]
@@ -56,8 +64,9 @@ def show(
     content: Annotated[
         Path,
         Parameter(
-            help="An image (a pyramid of any size, or anything smaller), a mesh (PLY, OBJ, glTF, STL, ...), or a "
-            "terrain (GeoTIFF and all that GDAL reads; a large one as `limen ingest` made it ready)."
+            help="An image (a pyramid of any size, or anything smaller), a mesh (PLY, OBJ, glTF, STL, ...), a terrain "
+            "(GeoTIFF and all that GDAL reads) or points (LAS, LAZ, COPC, PLY, E57); large ones as `limen ingest` made "
+            "them ready."
         ),
     ],
     /,
@@ -68,7 +77,10 @@ def show(
     viewer: Annotated[
         str, Parameter(allow_leading_hyphen=True, help="X,Y,Z of one viewer's eyes in metres, instead of a session.")
     ] = "",
-    policy: PolicyOption = "acuity",
+    gaze: Annotated[
+        str, Parameter(allow_leading_hyphen=True, help="X,Y,Z of the place that viewers look at, metres.")
+    ] = "",
+    policy: PolicyOption = "",
     acuity_arcmin: AcuityOption = "human",
     fit: Annotated[
         Fit | None, Parameter(help="How an image lies on the unrolled surface: contain if not given.")
@@ -78,7 +90,8 @@ def show(
         Overlays,
         Parameter(
             help="levels: tint an image by the level drawn. panels: tint a mesh by the panel that shows it, a terrain "
-            "by how its panels are seen, the darker the larger the error. patches: a terrain's triangles."
+            "by how its panels are seen, the darker the larger the error. patches: a terrain's triangles. simplified: "
+            "of a mesh or points, what stands for much, and in other colours on silhouettes."
         ),
     ] = "none",
     out: Annotated[Path | None, Parameter(help="Write pictures into this folder instead of opening a window.")] = None,
@@ -86,22 +99,24 @@ def show(
     windows: WindowOptions = WINDOWS_DEFAULT,
     mesh: MeshOptions = MESH_DEFAULT,
     terrain: TerrainOptions = TERRAIN_DEFAULT,
+    points: PointsOptions = POINTS_DEFAULT,
     common: Common = DEFAULT,
 ) -> None:
     """Draw content on a display: a window, or files with --out.
 
-    Without --display, a window shows an image as a viewer does (drag to move, wheel to zoom), and a mesh or a terrain
-    as if it stood behind the window (drag to turn it). With --display, it shows the unrolled wall, and of a mesh or a
-    terrain what the viewer's eye sees of the lit display.
+    Without --display, a window shows an image as a viewer does (drag to move, wheel to zoom), and anything else as if
+    it stood behind the window (drag to turn it). With --display, it shows the unrolled wall, and of anything but an
+    image what the viewer's eye sees of the lit display. The policy is acuity unless another is given, of a mesh full.
     """
     out_stream = Output(common)
-    chosen = Policy.parse(policy, acuity_arcmin)
+    chosen = Policy.parse(policy or "acuity", acuity_arcmin)
     name = display or ("desktop" if out else "")
-    asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows)
-    given = {
+    asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
+    given: dict[str, tuple[str | Sequence[str], bool]] = {
         "--fit": ("an image", fit is not None),
-        "the options of meshes": ("a mesh", mesh != MESH_DEFAULT),
+        "the options of meshes": (("a mesh", "a cloud of points"), mesh != MESH_DEFAULT),
         "the options of terrains": ("a terrain", terrain != TERRAIN_DEFAULT),
+        "the options of points": ("a cloud of points", points != POINTS_DEFAULT),
         "--most-triangles": ("a terrain", most_triangles is not None),
     }
     with ExitStack() as stack:
@@ -111,35 +126,48 @@ def show(
             _refuse("an image", overlay, ("levels",), given)
             _show_image(opened, asked, chosen, fit or "contain", out, out_stream)
         elif isinstance(opened, Mesh):
-            _refuse("a mesh", overlay, ("panels",), given)
-            _show_mesh(opened, asked, mesh, out, out_stream)
+            _refuse("a mesh", overlay, ("panels", "simplified"), given)
+            simplified = simplified_mesh(out_stream, opened, chosen if policy else Policy("full"))
+            _show_mesh(opened, simplified, asked, mesh, out, out_stream)
+        elif opened.kind == "points":
+            _refuse("a cloud of points", overlay, ("panels", "simplified"), given)
+            show_points(cast("Points", opened), asked, mesh, points, chosen, out, out_stream)
         else:
             _refuse("a terrain", overlay, ("panels", "patches"), given)
-            draped = stack.enter_context(terrain.draped(opened))
-            exhibit = _exhibit(opened, asked, terrain, most_triangles, chosen, draped)
+            land = cast("Terrain", opened)
+            draped = stack.enter_context(terrain.draped(land))
+            exhibit = _exhibit(land, asked, terrain, most_triangles, chosen, draped)
             _show_terrain(exhibit, asked, out, out_stream)
 
 
-def _refuse(kind: str, overlay: str, overlays: Sequence[str], given: dict[str, tuple[str, bool]]) -> None:
+def _refuse(
+    kind: str, overlay: str, overlays: Sequence[str], given: dict[str, tuple[str | Sequence[str], bool]]
+) -> None:
     """Refuse what is not for this kind of content; ``given``: what options are for, and whether they were given."""
     if overlay not in ("none", *overlays):
         raise InputError(f"--overlay {overlay} is not for {kind}: give --overlay {' or '.join(overlays)}")
-    foreign = [words for words, (owner, was_given) in given.items() if was_given and owner != kind]
+    foreign = [
+        words
+        for words, (owner, was_given) in given.items()
+        if was_given and kind not in ((owner,) if isinstance(owner, str) else owner)
+    ]
     if foreign:
         raise InputError(f"this content is {kind}: leave out {foreign[0]} (limen show --help lists what is for what)")
 
 
-def _show_mesh(content: Mesh, asked: Asked, options: MeshOptions, folder: Path | None, out: Output) -> None:
+def _show_mesh(
+    content: Mesh, simplified: Simplified | None, asked: Asked, options: MeshOptions, folder: Path | None, out: Output
+) -> None:
     settings, shown = options.settings(asked.whole), asked.shown
     if folder is None or shown is None:
-        last = _show_live(MeshExhibit(content, settings), asked, out)
+        last = show_live(MeshExhibit(content, settings, simplified), asked, out)
         out.result({"frames": [mesh_row(SceneReport.of(last), [])] if last else []})
         return
     moments = asked.moments()
-    _say_who(moments[0], out)
+    say_who(moments[0], out)
     drawn = write_mesh_frames(
         out, content, shown.scaled(asked.files.scale), moments, options, settings, folder, asked.files.picture_format,
-        overlay=None if asked.overlay == "none" else "panels", simulate=asked.files.simulate,
+        simplified=simplified, overlay=_scene_overlay(asked, simplified), simulate=asked.files.simulate,
         seen_from=asked.files.seen_from,
     )  # fmt: skip
     rows = [mesh_row(report, files) for report, files in drawn]
@@ -147,19 +175,10 @@ def _show_mesh(content: Mesh, asked: Asked, options: MeshOptions, folder: Path |
     out.result({"frames": rows})
 
 
-def _show_live(exhibit: Exhibit, asked: Asked, out: Output) -> list[Any]:
-    """Show it in windows until they are closed; the last report of each."""
-    shown = asked.shown
-    tour = asked.tour() if asked.session and shown else asked.stander()
-    if isinstance(exhibit, MeshExhibit) and not isinstance(tour, Viewer):
-        _say_who(tour(0.0), out)
-    overlay = asked.overlay != "none"
-    if asked.windows.window == "eye":
-        last = run_live_scene(exhibit, shown, tour, out.say, overlay=overlay, seconds=asked.windows.seconds)
-        return [last] if last else []
-    if shown is None:
-        raise InputError("--window outputs needs --display, with the quilts that go to this machine's screens")
-    return run_live_outputs(exhibit, shown, tour, out.say, overlay=overlay, seconds=asked.windows.seconds)
+def _scene_overlay(asked: Asked, simplified: Simplified | None) -> SceneOverlay | None:
+    if asked.overlay == "simplified" and simplified is None:
+        raise InputError("--overlay simplified shows what a policy leaves out: give --policy, as contrast+gaze")
+    return None if asked.overlay == "none" else "simplified" if asked.overlay == "simplified" else "panels"
 
 
 def _exhibit(
@@ -177,7 +196,7 @@ def _exhibit(
 def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, out: Output) -> None:
     shown = asked.shown
     if folder is None or shown is None:
-        last = _show_live(exhibit, asked, out)
+        last = show_live(exhibit, asked, out)
         out.result({"frames": [terrain_row(TerrainReport.of(last), [])] if last else []})
         return
     drawn = write_terrain_frames(
@@ -188,12 +207,6 @@ def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, ou
     rows = [terrain_row(report, files) for report, files in drawn]
     print_terrain_rows(out, rows, folder)
     out.result({"frames": rows})
-
-
-def _say_who(viewers: Sequence[Viewer], out: Output) -> None:
-    if len(viewers) > 1:
-        name = f" ('{viewers[0].name}')" if viewers[0].name else ""
-        out.say(f"a mesh is drawn for one viewer: the first of {len(viewers)}{name}")
 
 
 def _show_image(content: Image, asked: Asked, policy: Policy, fit: Fit, folder: Path | None, out: Output) -> None:

@@ -26,8 +26,10 @@ from limen.gpu.device import Device, open_device
 from limen.live_scene import eye_camera
 from limen.placement import arrangement_of, facing_of_wall
 from limen.present.file import write_picture
-from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Stereo
-from limen.stage import Animation, SceneSettings, posed
+from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Simplified, Stereo
+from limen.select.mesh import Foldable
+from limen.stage import Animation, SceneSettings, check_still, posed
+from limen.tolerance import Policy
 from limen.viewer import Viewer
 
 __all__ = [
@@ -37,6 +39,8 @@ __all__ = [
     "mesh_row",
     "onlookers",
     "print_mesh_rows",
+    "simplified_mesh",
+    "visible_from",
     "write_mesh_frames",
 ]
 
@@ -60,7 +64,9 @@ class MeshOptions:
             allow_leading_hyphen=True, help="X,Y,Z of its middle, metres; inside or behind the display if not given."
         ),
     ] = ""
-    up: Annotated[Literal["y", "z"], Parameter(help="Which of the file's axes points up.")] = "y"
+    up: Annotated[
+        Literal["y", "z"] | None, Parameter(help="Which of the file's axes points up: y of a mesh, z of points.")
+    ] = None
     turn_deg: Annotated[float, Parameter(allow_leading_hyphen=True, help="Turned about the vertical.")] = 0.0
     animate: Annotated[Animation, Parameter(help="Deform it, or turn it, over the session's time.")] = "none"
     stereo: Annotated[
@@ -78,11 +84,11 @@ class MeshOptions:
     ] = "panels"
     background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
 
-    def settings(self, display: Display | None) -> SceneSettings:
-        """The options as a scene's settings, for a whole display if there is one."""
+    def settings(self, display: Display | None, up: Literal["y", "z"] = "y") -> SceneSettings:
+        """The options as a scene's settings, for a whole display if there is one; ``up`` where they do not say."""
         at_m = place(self.at, "--at") if self.at else None
         background = _light_of(self.background) if self.background else BACKGROUND
-        settings = SceneSettings(self.stereo, self.animate, self.size_m, at_m, self.up, self.turn_deg, background)
+        settings = SceneSettings(self.stereo, self.animate, self.size_m, at_m, self.up or up, self.turn_deg, background)
         return settings if display is None else settings.standing_in(display)
 
 
@@ -112,6 +118,7 @@ def write_mesh_frames(
     folder: Path,
     suffix: str,
     *,
+    simplified: Simplified | None = None,
     overlay: SceneOverlay | None,
     simulate: bool,
     seen_from: str,
@@ -121,12 +128,15 @@ def write_mesh_frames(
     ``settings`` are those of ``options``, with the mesh standing where the whole display wants it.
     """
     _check_simulation(options, simulate)
+    check_still(settings, simplified)
     with ExitStack() as stack:
         device = stack.enter_context(open_device())
-        renderer = stack.enter_context(_renderer(device, display, mesh, options, settings))
+        renderer = stack.enter_context(_renderer(device, display, mesh, options, settings, simplified))
         simulated = renderer
         if simulate and lit_display(display) is not display:
-            simulated = stack.enter_context(_renderer(device, lit_display(display), mesh, options, settings))
+            simulated = stack.enter_context(
+                _renderer(device, lit_display(display), mesh, options, settings, simplified)
+            )
         step = stack.enter_context(out.progress("drawing", len(moments)))
         for number, viewers in enumerate(moments):
             for each in {renderer, simulated}:
@@ -135,12 +145,12 @@ def write_mesh_frames(
             files: list[str] = []
             reports: dict[int, SceneReport] = {}  # one for every quilt
             draw = renderer.quilt_pictures if options.write == "quilts" else renderer.pictures
-            for name, picture, report in draw(viewers[0], overlay=overlay):
+            for name, picture, report in draw(viewers, overlay=overlay):
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
                 cameras = onlookers(simulated.display, viewers[0], seen_from)
-                pictures = simulated.seen(viewers[0], list(cameras.values()), overlay=overlay)
+                pictures = simulated.seen(viewers, list(cameras.values()), overlay=overlay)
                 for name, seen in zip(cameras, pictures, strict=True):
                     files.append(str(write_picture(target / f"{name}.{suffix}", seen)))
             step(1)
@@ -148,11 +158,16 @@ def write_mesh_frames(
 
 
 def _renderer(
-    device: Device, display: Display, mesh: Mesh, options: MeshOptions, settings: SceneSettings
+    device: Device,
+    display: Display,
+    mesh: Mesh,
+    options: MeshOptions,
+    settings: SceneSettings,
+    simplified: Simplified | None,
 ) -> SceneRenderer:
     return SceneRenderer(
         device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
-        depth=options.depth, background=settings.background,
+        depth=options.depth, background=settings.background, simplified=simplified,
     )  # fmt: skip
 
 
@@ -190,23 +205,42 @@ def _aside(eye_m: Floats, display: Display) -> Floats:
     return np.asarray(middle + np.array(step))
 
 
+def simplified_mesh(out: Output, mesh: Mesh, policy: Policy) -> Simplified | None:
+    """What decides which triangles are left, for a policy that may leave out some."""
+    if policy.name == "full":
+        return None
+    from limen.data.tree_build import build_vertex_tree  # Numba and SciPy take a second
+
+    with out.progress("joining vertices to a tree", 1) as step:
+        foldable = Foldable(build_vertex_tree(mesh))
+        step(1)
+    return Simplified(foldable, policy)
+
+
 def mesh_row(report: SceneReport, files: list[str]) -> FrameRow:
-    """A frame as ``--json`` tells it: nothing of a mesh is left out."""
+    """A frame as ``--json`` tells it."""
     return FrameRow(
-        time_s=report.time_s, policy="full", panels_active=report.panels_active, pages=0, missing=0,
-        triangles=report.triangles, splats=0, max_error_px=0.0, select_ms=report.sort_ms, stream_ms=0.0,
-        draw_ms=report.draw_ms, files=files,
+        time_s=report.time_s, policy=report.policy, panels_active=report.panels_active, pages=0, missing=0,
+        triangles=report.left, splats=0, max_error_px=report.max_error_px, select_ms=report.select_ms + report.sort_ms,
+        stream_ms=0.0, draw_ms=report.draw_ms, files=files, distance_factor=report.distance_factor,
     )  # fmt: skip
 
 
 def print_mesh_rows(out: Output, rows: Sequence[FrameRow], folder: Path) -> None:
-    columns = ["time s", "panels", "triangles", "sort ms", "draw ms", "files"]
+    columns = ["time s", "policy", "panels", "triangles", "seen from", "select ms", "draw ms", "files"]
     cells = [
         (
-            f"{row.time_s:.2f}", row.panels_active, f"{row.triangles:,}", f"{row.select_ms:.1f}", f"{row.draw_ms:.1f}",
-            len(row.files),
+            f"{row.time_s:.2f}", row.policy, row.panels_active, f"{row.triangles:,}", visible_from(row.distance_factor),
+            f"{row.select_ms:.1f}", f"{row.draw_ms:.1f}", len(row.files),
         )
         for row in rows
     ]  # fmt: skip
     out.table("", columns, cells)
     out.line(f"pictures: {folder}")
+    if any(row.distance_factor is not None and row.distance_factor > 1 for row in rows):
+        out.line("What is left out is seen from nearer than so many times the viewers' distance.")
+
+
+def visible_from(distance_factor: float | None) -> str:
+    """How much farther away viewers would have to be to see nothing of what is left out."""
+    return "-" if distance_factor is None or distance_factor <= 1 else f"{distance_factor:.1f} x"

@@ -33,6 +33,7 @@ from limen.terrain_stock import Draped
 from limen.viewer import Viewer
 
 if TYPE_CHECKING:
+    from limen.data.points_file import Points
     from limen.data.terrain_file import Terrain
 
 __all__ = [
@@ -110,8 +111,8 @@ class TerrainOptions:
 TERRAIN_DEFAULT = TerrainOptions()
 
 
-def opened_content(out: Output, path: str | Path) -> Image | Mesh | Terrain:
-    """Open a file as what it is, with a bar while heights are made ready."""
+def opened_content(out: Output, path: str | Path) -> Image | Mesh | Points | Terrain:
+    """Open a file as what it is, with a bar while heights or points are made ready."""
     with out.progress(f"making {Path(path).name} ready", 1000) as step:
         return open_content(path, progress=lambda done: step.to(round(1000 * done)))
 

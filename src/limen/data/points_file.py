@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -77,6 +77,8 @@ class Points:
             frames = ChunkFrame._make(table_of(group, f"frames/{field}") for field in ChunkFrame._fields)
             chunks = group["chunks"]
         return cls(path, header, tops, frames, chunks)
+
+    kind: ClassVar[str] = "points"
 
     @property
     def name(self) -> str:

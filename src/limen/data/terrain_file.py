@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import zarr
@@ -94,6 +94,8 @@ class Terrain:
         nodes, patches = Nodes._make([*tables["nodes"], header.roots]), PatchTable._make(tables["patches"])
         places = Places._make(tables["places"])
         return cls(path, header, nodes, patches, relief, heights, places, chunks, posts, void, *caches)
+
+    kind: ClassVar[str] = "terrain"
 
     @property
     def name(self) -> str:

@@ -1,0 +1,152 @@
+"""``limen show`` for clouds of points: through the panels as through windows, to files or live."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Group, Parameter
+
+from limen.cli.asked import Asked
+from limen.cli.output import Output
+from limen.cli.show_image import FrameRow
+from limen.cli.show_live import say_who, show_live
+from limen.cli.show_mesh import MeshOptions, lit_display, onlookers, visible_from
+from limen.gpu.device import open_device
+from limen.present.file import write_picture
+from limen.tolerance import Policy
+from limen.viewer import Viewer
+
+if TYPE_CHECKING:
+    from limen.data.points_file import Points
+    from limen.display.display import Display
+    from limen.draw.points import PointsOverlay
+    from limen.points import PointsReport
+    from limen.points_stage import PointsExhibit
+
+__all__ = ["POINTS_DEFAULT", "PointsOptions", "points_row", "show_points"]
+
+
+@Parameter(name="*", group=Group("Points"))
+@dataclass(frozen=True, slots=True)
+class PointsOptions:
+    """Options of content that is a cloud of points; where it stands, options of meshes say."""
+
+    splats: Annotated[
+        Literal["round", "square"], Parameter(help="Discs that face the eye, or squares, which cost less.")
+    ] = "round"
+    lit: Annotated[
+        bool | None,
+        Parameter(
+            help="Light points that have normals, or show all as coloured. By default, where there are no colours."
+        ),
+    ] = None
+
+
+POINTS_DEFAULT = PointsOptions()
+
+
+def show_points(
+    content: Points,
+    asked: Asked,
+    mesh: MeshOptions,
+    options: PointsOptions,
+    policy: Policy,
+    folder: Path | None,
+    out: Output,
+) -> None:
+    """Draw a cloud in windows, or into a folder."""
+    from limen.points import PointsReport  # Zarr and Numba take a second
+    from limen.points_stage import PointsExhibit
+
+    shown = asked.shown
+    overlay: PointsOverlay = "panels" if asked.overlay == "panels" else "simplified"
+    settings = mesh.settings(asked.whole, up="y" if content.header.source is None else "z")
+    exhibit = PointsExhibit(content, settings, policy, options.lit, options.splats, overlay)
+    if folder is None or shown is None:
+        last = show_live(exhibit, asked, out)
+        out.result({"frames": [points_row(PointsReport.of(last), [])] if last else []})
+        return
+    moments = asked.moments()
+    say_who(moments[0], out)
+    drawn = _write_frames(out, exhibit, shown.scaled(asked.files.scale), moments, mesh, folder, asked)
+    rows = [points_row(report, files) for report, files in drawn]
+    _print_rows(out, rows, folder)
+    out.result({"frames": rows})
+
+
+def _write_frames(
+    out: Output,
+    exhibit: PointsExhibit,
+    display: Display,
+    moments: Sequence[Sequence[Viewer]],
+    mesh: MeshOptions,
+    folder: Path,
+    asked: Asked,
+) -> Iterator[tuple[PointsReport, list[str]]]:
+    from limen.points import PointsReport
+
+    overlay = None if asked.overlay == "none" else exhibit.overlay
+    suffix = asked.files.picture_format
+    with ExitStack() as stack:
+        device = stack.enter_context(open_device())
+        renderer = stack.enter_context(exhibit.renderer(device, display))
+        simulated = renderer
+        if asked.files.simulate and lit_display(display) is not display:
+            simulated = stack.enter_context(exhibit.renderer(device, lit_display(display)))
+        step = stack.enter_context(out.progress("drawing", len(moments)))
+        for number, viewers in enumerate(moments):
+            for each in {renderer, simulated}:
+                exhibit.pose(each, viewers[0].time_s)
+            target = folder / f"frame-{number:04d}"
+            files: list[str] = []
+            reports: dict[int, PointsReport] = {}  # one for every quilt
+            draw = renderer.quilt_pictures if mesh.write == "quilts" else renderer.pictures
+            for name, picture, report in draw(viewers, exhibit.policy, overlay=overlay):
+                files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
+                reports[id(report)] = report
+            if asked.files.simulate:
+                cameras = onlookers(simulated.display, viewers[0], asked.files.seen_from)
+                seen = simulated.seen(viewers, exhibit.policy, list(cameras.values()), overlay=overlay)
+                for name, picture in zip(cameras, seen, strict=True):
+                    files.append(str(write_picture(target / f"{name}.{suffix}", picture)))
+            step(1)
+            yield PointsReport.of(list(reports.values())), files
+
+
+def points_row(report: PointsReport, files: list[str]) -> FrameRow:
+    """A frame as ``--json`` tells it."""
+    return FrameRow(
+        time_s=report.time_s, policy=report.policy, panels_active=report.panels_active, pages=report.chunks,
+        missing=report.missing, triangles=0, splats=report.splats, max_error_px=report.max_error_px,
+        select_ms=report.select_ms, stream_ms=report.stream_ms, draw_ms=report.draw_ms, files=files,
+        distance_factor=report.distance_factor,
+    )  # fmt: skip
+
+
+def _print_rows(out: Output, rows: Sequence[FrameRow], folder: Path) -> None:
+    columns = [
+        "time s",
+        "policy",
+        "panels",
+        "splats",
+        "chunks",
+        "seen from",
+        "select ms",
+        "stream ms",
+        "draw ms",
+        "files",
+    ]
+    cells = [
+        (
+            f"{row.time_s:.2f}", row.policy, row.panels_active, f"{row.splats:,}", row.pages,
+            visible_from(row.distance_factor), f"{row.select_ms:.1f}", f"{row.stream_ms:.0f}", f"{row.draw_ms:.0f}",
+            len(row.files),
+        )
+        for row in rows
+    ]  # fmt: skip
+    out.table("", columns, cells)
+    out.line(f"pictures: {folder}")
