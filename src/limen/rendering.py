@@ -76,7 +76,8 @@ def render(
     placement
         How the image lies on the display: by default fitted inside the unrolled surface, centred. Of a mesh or points,
         the affine map from its coordinates to the room, metres, shape (4, 4): by default
-        `limen.placement.mesh_in_room`. Of a terrain, a `limen.LookAt`: from where it is looked at by the first viewer; by default all of it is seen.
+        `limen.placement.mesh_in_room`. Of a terrain, a `limen.LookAt`: from where it is looked at by the first viewer;
+        by default all of it is seen.
     overlay
         ``levels`` tints every pixel of an image by the level drawn, ``panels`` a mesh by the panel that shows it and a
         terrain by how its panels are seen, ``patches`` shows a terrain's triangles, ``simplified`` what stands for

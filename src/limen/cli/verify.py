@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple, cast
 
 import msgspec
 from cyclopts import Parameter
@@ -12,7 +13,8 @@ from cyclopts import Parameter
 from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOption, chosen_panels
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.image import Image
-from limen.data.opening import open_picture
+from limen.data.mesh import Mesh
+from limen.data.opening import open_content, open_picture
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.gpu.device import open_device
@@ -26,7 +28,11 @@ from limen.study.verdict_plot import verdict_plot
 from limen.study.verify import FACTORS, Judged, Trial, VerifyRow, imperceptible, judge_windows, rows_of, trials_of
 from limen.study.windows import Window, choose_windows
 from limen.tolerance import Policy
+from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
+
+if TYPE_CHECKING:
+    from limen.data.points_file import Points
 
 __all__ = ["verify"]
 
@@ -60,7 +66,7 @@ def verify(
     content: Path,
     /,
     *,
-    display: DisplayOption,
+    display: DisplayOption = "",
     panels: PanelsOption = [],  # noqa: B006 - cyclopts shows the default
     session: str = "A",
     policy: _Words = None,
@@ -74,22 +80,24 @@ def verify(
     plot: Path | None = None,
     common: Common = DEFAULT,
 ) -> None:
-    """Let a published model of vision look for what limen leaves out, in random windows of a walk.
+    """Let a published model of vision look for what limen leaves out, in random windows of a walk or random views.
 
     Parameters
     ----------
     content
-        An image: a pyramid of any size, or anything smaller.
+        An image: a pyramid of any size, or anything smaller. Or a mesh or points: shown from random views on one panel,
+        by default the monitor of Luebke and Hallen's study, 23 inches and 1600 x 1200 pixels at 25 inches.
     session
         Whose viewers look: A, B, C (made for the display) or a session file.
     policy
         Policies to judge (default: acuity contrast contrast+gaze).
     views
-        How many windows.
+        How many windows; of a mesh or points, how many views, of each two windows.
     distance_factors
         How many times farther away the policies are told that the viewers are (default: 1 2 5 10; 1 is the truth).
     eccentricity_deg
-        Angles between the gaze and the window (default: 0; for policies with +gaze 0 10 20).
+        Angles between the gaze and the window (default: 0; for policies with +gaze 0 10 20, of
+        meshes and points 0 20 40 from their middle).
     seed
         Other numbers choose other windows.
     strict
@@ -103,6 +111,17 @@ def verify(
     if strict and 1 not in (distance_factors or FACTORS):
         raise InputError("--strict judges the true distance: --distance-factors must hold 1")
     chosen = [Policy.parse(name, acuity_arcmin) for name in policy or _POLICIES]
+    opened = open_content(content)
+    if not isinstance(opened, Image):
+        if opened.kind == "terrain":
+            open_picture(content)  # says why it is none
+        asked = _AskedScene(display, panels, views, seed, distance_factors or FACTORS, eccentricity_deg)
+        report = _scene_report(out, content, cast("Mesh | Points", opened), asked, chosen)
+        _finish(out, report, content, plot, strict=strict)
+        return
+    opened.close()
+    if not display:
+        raise InputError("an image is judged on a display: give --display")
     trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)
     whole, part = Display.named(display), chosen_panels(display, panels)
     walk = session_named(session, whole)
@@ -118,13 +137,60 @@ def verify(
         judged = _judge(out, image, part, OnSurface(fit), windows, trials, observers)
     report.rows = rows_of(trials, judged)
     report.windows = [_window_row(part, window) for window in windows]
+    _finish(out, report, content, plot, strict=strict)
+
+
+def _finish(out: Output, report: VerifyReport, content: Path, plot: Path | None, *, strict: bool) -> None:
     if plot is not None:
-        verdict_plot(report.rows, f"{content.name} on {part.name}, session {walk.name}", plot)
+        where = f"session {report.session}" if report.session else "random views"
+        verdict_plot(report.rows, f"{content.name} on {report.display}, {where}", plot)
     out.result(report)
     _print(out, report)
     if strict and not imperceptible(report.rows):
         out.say("limen: not imperceptible: some windows at the true distance do not pass (--strict)")
         sys.exit(1)
+
+
+class _AskedScene(NamedTuple):
+    """How a mesh or points are judged."""
+
+    display: str
+    panels: list[str]
+    views: int
+    seed: int
+    factors: Sequence[float]
+    eccentricities_deg: Sequence[float] | None
+
+
+def _scene_report(
+    out: Output, content: Path, opened: Mesh | Points, asked: _AskedScene, policies: Sequence[Policy]
+) -> VerifyReport:
+    from limen.study import verify_scene as scenes  # Zarr and SciPy take a second
+
+    shown, viewer = scenes.monitor()
+    if asked.display:
+        shown = chosen_panels(asked.display, asked.panels)
+        viewer = standing_viewer(shown)
+    (light,) = {panel.luminance_cd_m2 for panel in shown.panels}
+    observers = {light: Observer(light)}
+    report = VerifyReport(str(content), shown.name, "", asked.seed, [light], _controls(out, observers), [], [])
+    if not all(control.holds for control in report.controls):
+        _print_failed(out, report.controls)
+        out.result(report)
+        sys.exit(1)
+    trials = trials_of(policies, asked.factors, asked.eccentricities_deg, scenes.GAZE_DEG)
+    judged: list[Judged] = []
+    with open_device() as device, out.progress("judging views", asked.views) as step:
+        subject = scenes.subject_of(device, opened, shown)
+        try:
+            poses = scenes.random_poses(asked.views, asked.seed)
+            for windows in scenes.judge_views(subject, shown, viewer, poses, trials, observers[light]):
+                judged += windows
+                step(1)
+        finally:
+            subject.close()
+    report.rows = rows_of(trials, judged)
+    return report
 
 
 _POLICIES = ("acuity", "contrast", "contrast+gaze")
@@ -186,8 +252,9 @@ def _print_failed(out: Output, controls: list[Control]) -> None:
 def _print(out: Output, report: VerifyReport) -> None:
     columns = ["policy", "factor", "off gaze", "JOD mean", "least", "drop", "FLIP", "strict", "practical", "detected"]
     rows = [_line(row) for row in report.rows]
-    out.table(f"{report.content} on {report.display}, {len(report.windows)} windows of session {report.session}",
-              columns, rows)  # fmt: skip
+    windows = report.rows[0].windows
+    where = f"windows of session {report.session}" if report.session else "windows of random views"
+    out.table(f"{report.content} on {report.display}, {windows} {where}", columns, rows)
     out.line()
     alarms = max(row.false_alarms for row in report.rows)
     out.line(

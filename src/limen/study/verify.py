@@ -30,6 +30,7 @@ from limen.tolerance import Policy
 from limen.viewer import Viewer
 
 __all__ = [
+    "ALIKE",
     "FACTORS",
     "GAZE_DEG",
     "Judged",
@@ -54,7 +55,7 @@ _FULL = Policy("full")
 _POOL_BYTES = 128 << 20
 """460 pages; a window of 1,600 px, the largest that the Reality Deck gives, shows 80."""
 
-_ALIKE = Verdict(10.0, 0.0)
+ALIKE = Verdict(10.0, 0.0)
 """Of a picture and itself, as every run's controls see to."""
 
 
@@ -99,9 +100,13 @@ class VerifyRow(msgspec.Struct, frozen=True):
 
 
 def trials_of(
-    policies: Iterable[Policy], factors: Sequence[float] = FACTORS, eccentricities_deg: Sequence[float] | None = None
+    policies: Iterable[Policy],
+    factors: Sequence[float] = FACTORS,
+    eccentricities_deg: Sequence[float] | None = None,
+    gaze_deg: Sequence[float] = GAZE_DEG,
 ) -> list[Trial]:
-    """Every policy with every factor, at every angle from the gaze (by default only policies with gaze off it).
+    """Every policy with every factor, at every angle from the gaze (by default only policies with gaze off it: at
+    ``gaze_deg``).
 
     Raises
     ------
@@ -110,7 +115,7 @@ def trials_of(
     """
     trials = []
     for policy in policies:
-        angles = eccentricities_deg or (GAZE_DEG if policy.gaze else (0.0,))
+        angles = eccentricities_deg or (gaze_deg if policy.gaze else (0.0,))
         told = (replace(policy, distance_factor=factor) for factor in factors)
         trials += [Trial(each, angle) for each in told for angle in angles]
     return trials
@@ -163,7 +168,7 @@ class _Judge:
 
     def _verdict(self, light: Floats, trial: Trial) -> Verdict:
         if np.array_equal(light, self._reference):
-            return _ALIKE
+            return ALIKE
         return self._observer.judge_light(
             light,
             self._reference,

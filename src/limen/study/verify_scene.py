@@ -1,0 +1,280 @@
+"""What limen leaves out of meshes and points, judged by the independent observer from random views.
+
+The paper's study with a model of vision for its subject: an object turned at random, of random size, is shown twice on
+a monitor, in full and simplified; the gaze rests some degrees from its middle. Parts of the picture are judged at full
+resolution: where the two differ most, and one at random.
+
+References
+----------
+Luebke, Hallen 2001, *Perceptually Driven Simplification for Interactive Rendering*, section 6.2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from limen.data.mesh import Mesh
+from limen.data.points_file import Points
+from limen.data.tree_build import build_vertex_tree
+from limen.display.display import Display
+from limen.display.panel import Panel
+from limen.errors import InputError
+from limen.geometry import Floats, as_vec3
+from limen.gpu.device import Device
+from limen.points import PointsRenderer
+from limen.scene import SceneRenderer, Simplified
+from limen.select.mesh import Extent, Foldable
+from limen.study.observer import WINDOW_PX, Observer, Verdict, light_of, sampled
+from limen.study.verify import ALIKE, Judged, Trial
+from limen.tolerance import Policy
+from limen.viewer import Viewer
+
+__all__ = ["GAZE_DEG", "Pose", "Subject", "judge_views", "monitor", "random_poses", "subject_of"]
+
+GAZE_DEG = (0.0, 20.0, 40.0)
+"""Angles between the gaze and the object's middle at which policies with gaze are tried, unless told otherwise."""
+
+_SIZES_DEG = (5.0, 60.0)
+_FULL = Policy("full")
+_SIDE = 9  # points along a window's side at which angles from the gaze are asked for
+
+Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """How an object is shown once.
+
+    Parameters
+    ----------
+    turn
+        Rotation, (3, 3).
+    size_deg
+        Visual angle of its largest extent.
+    gaze_turn_rad
+        In which direction from the object's middle the gaze rests, where it does not rest on it.
+    seed
+        Of the window that is chosen at random.
+    """
+
+    turn: Floats
+    size_deg: float
+    gaze_turn_rad: float
+    seed: int
+
+
+class Subject(Protocol):
+    """What is judged, on one panel."""
+
+    @property
+    def bounds(self) -> NDArray[Any]: ...
+
+    def picture(self, stands: Floats, viewer: Viewer, policy: Policy) -> Picture:
+        """What the panel shows, (H, W, 4), of the object standing by a map (4, 4) from its coordinates to the room."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def monitor() -> tuple[Display, Viewer]:
+    """The paper's monitor, 23 inches and 1600 x 1200 pixels, and an eye 25 inches before it: it fills 40 degrees."""
+    size_m = (0.4674, 0.3506)
+    pitch_m = (size_m[0] / 1600, size_m[1] / 1200)
+    panel = Panel("monitor", (1600, 1200), (-size_m[0] / 2, size_m[1] / 2, 0.0), (1, 0, 0), (0, -1, 0), pitch_m)
+    return Display("monitor", (panel,)), Viewer((0.0, 0.0, 0.635), eye_separation_m=0.0)
+
+
+def random_poses(count: int, seed: int = 0) -> list[Pose]:
+    """Orientations evenly over all there are, sizes evenly from 5 to 60 degrees.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    if count < 1:
+        raise InputError(f"at least one view must be judged, got {count}")
+    rng = np.random.default_rng(seed)
+    return [
+        Pose(
+            _rotation(rng),
+            float(rng.uniform(*_SIZES_DEG)),
+            float(rng.uniform(0, 2 * math.pi)),
+            int(rng.integers(2**31)),
+        )
+        for _ in range(count)
+    ]
+
+
+def subject_of(device: Device, content: Mesh | Points, display: Display, extent: Extent = "displacement") -> Subject:
+    """A mesh with its vertex tree, or points, ready to be drawn on a display of one panel.
+
+    Raises
+    ------
+    InputError
+        If the display has several panels.
+    """
+    if len(display.panels) != 1:
+        raise InputError(
+            f"'{display.name}' has {len(display.panels)} panels: meshes and points are judged on one (leave out "
+            "--display for the paper's monitor, or name one of its --panels)"
+        )
+    return _Mesh(device, content, display, extent) if isinstance(content, Mesh) else _Points(device, content, display)
+
+
+def judge_views(
+    subject: Subject,
+    display: Display,
+    viewer: Viewer,
+    poses: Sequence[Pose],
+    trials: Sequence[Trial],
+    observer: Observer,
+) -> Iterator[list[Judged]]:
+    """Draw and judge the poses one after the other: of each, one or two windows.
+
+    Where a policy knows no gaze, eyes may rest anywhere: its windows are judged as in the fovea.
+    """
+    for pose in poses:
+        yield _View(subject, display.panels[0], viewer, pose, observer).all(trials)
+
+
+class _View:
+    """One pose; a trial's pictures are compared where it differs most, and at one random place."""
+
+    def __init__(self, subject: Subject, panel: Panel, viewer: Viewer, pose: Pose, observer: Observer) -> None:
+        self._subject, self._panel, self._viewer, self._pose, self._observer = subject, panel, viewer, pose, observer
+        eye_m = np.array(viewer.position_m)
+        self._middle_m = np.asarray(panel.centre_m, dtype=float)
+        distance_m = float(np.linalg.norm(self._middle_m - eye_m))
+        self._per_degree = 1 / math.degrees(math.atan(max(panel.pitch_m) / distance_m))
+        low, high = np.asarray(subject.bounds, dtype=float)
+        scale = 2 * distance_m * math.tan(math.radians(pose.size_deg / 2)) / float((high - low).max())
+        self._stands = np.eye(4)
+        self._stands[:3, :3] = scale * pose.turn
+        # Its nearest side is on the panel's plane or behind it: in front, it would not end at the panel's edges.
+        behind_m = scale * float(np.linalg.norm(high - low)) / 2
+        ahead = (self._middle_m - eye_m) / distance_m
+        grown = (distance_m + behind_m) / distance_m
+        self._stands[:3, :3] *= grown
+        self._stands[:3, 3] = self._middle_m + ahead * behind_m * grown - self._stands[:3, :3] @ ((low + high) / 2)
+        self._full = self._draw(_FULL, 0.0)
+        self._again = self._draw(_FULL, 0.0)
+
+    def all(self, trials: Sequence[Trial]) -> list[Judged]:
+        """A verdict for every trial, of the windows of this view."""
+        shown = (self._full[..., :3] != self._full[0, 0, :3]).any(axis=-1)
+        at_random = self._random_window(shown)
+        found = [self._of(trial, at_random) for trial in trials]
+        return [Judged(tuple(pair[n][0] for pair in found), tuple(pair[n][1] for pair in found)) for n in range(2)]
+
+    def _of(self, trial: Trial, at_random: tuple[int, int]) -> tuple[tuple[Verdict, Verdict], ...]:
+        """Verdict and catch, where the pictures differ most and at the random place."""
+        picture = self._draw(trial.policy, trial.eccentricity_deg)
+        differs = np.abs(picture[..., :3].astype(int) - self._full[..., :3]).sum(axis=-1)
+        places = (_most(differs), at_random)
+        return tuple((self._verdict(picture, at, trial), self._verdict(self._again, at, trial)) for at in places)
+
+    def _verdict(self, picture: Picture, at: tuple[int, int], trial: Trial) -> Verdict:
+        part = np.s_[at[1] : at[1] + WINDOW_PX, at[0] : at[0] + WINDOW_PX, :3]
+        if np.array_equal(picture[part], self._full[part]):
+            return ALIKE
+        light, rate = sampled(light_of(picture[part]), self._per_degree)
+        reference, _ = sampled(light_of(self._full[part]), self._per_degree)
+        return self._observer.judge_light(
+            light, reference, rate, self._away_deg(at, trial), second_opinion=trial.policy.distance_factor == 1
+        )
+
+    def _draw(self, policy: Policy, eccentricity_deg: float) -> Picture:
+        return self._subject.picture(self._stands, self._gazing(eccentricity_deg), policy)
+
+    def _gazing(self, eccentricity_deg: float) -> Viewer:
+        """The viewer, looking so far past the object's middle."""
+        ahead = self._middle_m - np.array(self._viewer.position_m)
+        ahead = ahead / np.linalg.norm(ahead)
+        beside = math.cos(self._pose.gaze_turn_rad) * np.array(self._panel.right) + math.sin(
+            self._pose.gaze_turn_rad
+        ) * np.array(self._panel.down)
+        away = math.radians(eccentricity_deg)
+        return replace(self._viewer, gaze=as_vec3(math.cos(away) * ahead + math.sin(away) * beside, "gaze"))
+
+    def _away_deg(self, at: tuple[int, int], trial: Trial) -> float | Floats:
+        if not trial.policy.gaze:
+            return 0.0
+        steps = np.linspace(0, WINDOW_PX, _SIDE)
+        x, y = np.meshgrid(at[0] + steps, at[1] + steps)
+        sight = self._panel.position_m(np.stack([x, y], axis=-1).reshape(-1, 2)) - np.array(self._viewer.position_m)
+        sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
+        gaze = np.array(self._gazing(trial.eccentricity_deg).gaze)
+        return np.asarray(np.degrees(np.arccos(np.clip(sight @ gaze, -1, 1))).reshape(_SIDE, _SIDE))
+
+    def _random_window(self, shown: NDArray[np.bool_]) -> tuple[int, int]:
+        """The corner of a window around a random pixel of the object."""
+        rows, columns = np.nonzero(shown)
+        if not len(rows):
+            return 0, 0
+        chosen = int(np.random.default_rng(self._pose.seed).integers(len(rows)))
+        return _inside(int(columns[chosen]), int(rows[chosen]), shown.shape)
+
+
+def _most(differs: NDArray[np.int64]) -> tuple[int, int]:
+    """The corner of the window in which pictures differ most."""
+    mean = ndimage.uniform_filter(differs.astype(float), WINDOW_PX, mode="constant")
+    row, column = np.unravel_index(int(mean.argmax()), mean.shape)
+    return _inside(int(column), int(row), (differs.shape[0], differs.shape[1]))
+
+
+def _inside(column: int, row: int, shape: tuple[int, ...]) -> tuple[int, int]:
+    half = WINDOW_PX // 2
+    return (
+        min(max(column - half, 0), max(shape[1] - WINDOW_PX, 0)),
+        min(max(row - half, 0), max(shape[0] - WINDOW_PX, 0)),
+    )
+
+
+class _Mesh:
+    def __init__(self, device: Device, mesh: Mesh, display: Display, extent: Extent) -> None:
+        self.bounds = mesh.bounds
+        self._simplified = Simplified(Foldable(build_vertex_tree(mesh)), _FULL, extent)
+        self._renderer = SceneRenderer(device, display, mesh, simplified=self._simplified)
+
+    def picture(self, stands: Floats, viewer: Viewer, policy: Policy) -> Picture:
+        self._renderer.room_from_mesh = stands
+        self._renderer.simplified = replace(self._simplified, policy=policy)
+        ((_, picture, _),) = self._renderer.pictures(viewer)
+        return picture.copy()
+
+    def close(self) -> None:
+        self._renderer.close()
+
+
+class _Points:
+    def __init__(self, device: Device, points: Points, display: Display) -> None:
+        self.bounds = points.bounds
+        self._renderer = PointsRenderer(device, display, points)
+
+    def picture(self, stands: Floats, viewer: Viewer, policy: Policy) -> Picture:
+        self._renderer.room_from_file = stands
+        ((_, picture, _),) = self._renderer.pictures([viewer], policy)
+        return picture.copy()
+
+    def close(self) -> None:
+        self._renderer.close()
+
+
+def _rotation(rng: np.random.Generator) -> Floats:
+    """A random rotation (Shoemake 1992): that of a unit quaternion evenly over the sphere of all."""
+    a, b, c, d = (q := rng.normal(size=4)) / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (c * c + d * d), 2 * (b * c - d * a), 2 * (b * d + c * a)],
+            [2 * (b * c + d * a), 1 - 2 * (b * b + d * d), 2 * (c * d - b * a)],
+            [2 * (b * d - c * a), 2 * (c * d + b * a), 1 - 2 * (b * b + c * c)],
+        ]
+    )
