@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, NamedTuple, cast
 
 from cyclopts import Parameter
 
@@ -112,47 +112,66 @@ def show(
     chosen = Policy.parse(policy or "acuity", acuity_arcmin)
     name = display or ("desktop" if out else "")
     asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
-    given: dict[str, tuple[str | Sequence[str], bool]] = {
-        "--fit": ("an image", fit is not None),
-        "the options of meshes": (("a mesh", "a cloud of points"), mesh != MESH_DEFAULT),
-        "the options of terrains": ("a terrain", terrain != TERRAIN_DEFAULT),
-        "the options of points": ("a cloud of points", points != POINTS_DEFAULT),
-        "--most-triangles": ("a terrain", most_triangles is not None),
-    }
+    wishes = _Wishes(fit, most_triangles, mesh, terrain, points)
     with ExitStack() as stack:
-        opened = opened_content(out_stream, content)
-        if isinstance(opened, Image):
-            stack.enter_context(opened)
-            _refuse("an image", overlay, ("levels",), given)
-            _show_image(opened, asked, chosen, fit or "contain", out, out_stream)
-        elif isinstance(opened, Mesh):
-            _refuse("a mesh", overlay, ("panels", "simplified"), given)
-            simplified = simplified_mesh(out_stream, opened, chosen if policy else Policy("full"))
-            _show_mesh(opened, simplified, asked, mesh, out, out_stream)
-        elif opened.kind == "points":
-            _refuse("a cloud of points", overlay, ("panels", "simplified"), given)
-            show_points(cast("Points", opened), asked, mesh, points, chosen, out, out_stream)
-        else:
-            _refuse("a terrain", overlay, ("panels", "patches"), given)
-            land = cast("Terrain", opened)
-            draped = stack.enter_context(terrain.draped(land))
-            exhibit = _exhibit(land, asked, terrain, most_triangles, chosen, draped)
-            _show_terrain(exhibit, asked, out, out_stream)
+        _draw(opened_content(out_stream, content), asked, wishes, chosen, bool(policy), out, out_stream, stack)
 
 
-def _refuse(
-    kind: str, overlay: str, overlays: Sequence[str], given: dict[str, tuple[str | Sequence[str], bool]]
+def _draw(
+    opened: Image | Mesh | Points | Terrain,
+    asked: Asked,
+    wishes: _Wishes,
+    policy: Policy,
+    was_given: bool,
+    folder: Path | None,
+    out: Output,
+    stack: ExitStack,
 ) -> None:
-    """Refuse what is not for this kind of content; ``given``: what options are for, and whether they were given."""
-    if overlay not in ("none", *overlays):
-        raise InputError(f"--overlay {overlay} is not for {kind}: give --overlay {' or '.join(overlays)}")
-    foreign = [
-        words
-        for words, (owner, was_given) in given.items()
-        if was_given and kind not in ((owner,) if isinstance(owner, str) else owner)
-    ]
-    if foreign:
-        raise InputError(f"this content is {kind}: leave out {foreign[0]} (limen show --help lists what is for what)")
+    """Draw content by what it is; ``was_given``: whether the policy was asked for."""
+    if isinstance(opened, Image):
+        stack.enter_context(opened)
+        wishes.refuse("an image", asked.overlay, ("levels",))
+        _show_image(opened, asked, policy, wishes.fit or "contain", folder, out)
+    elif isinstance(opened, Mesh):
+        wishes.refuse("a mesh", asked.overlay, ("panels", "simplified"))
+        simplified = simplified_mesh(out, opened, policy if was_given else Policy("full"))
+        _show_mesh(opened, simplified, asked, wishes.mesh, folder, out)
+    elif opened.kind == "points":
+        wishes.refuse("a cloud of points", asked.overlay, ("panels", "simplified"))
+        show_points(cast("Points", opened), asked, wishes.mesh, wishes.points, policy, folder, out)
+    else:
+        wishes.refuse("a terrain", asked.overlay, ("panels", "patches"))
+        land = cast("Terrain", opened)
+        draped = stack.enter_context(wishes.terrain.draped(land))
+        exhibit = _exhibit(land, asked, wishes.terrain, wishes.most_triangles, policy, draped)
+        _show_terrain(exhibit, asked, folder, out)
+
+
+class _Wishes(NamedTuple):
+    """Options that are for some kinds of content alone."""
+
+    fit: Fit | None
+    most_triangles: int | None
+    mesh: MeshOptions
+    terrain: TerrainOptions
+    points: PointsOptions
+
+    def refuse(self, kind: str, overlay: str, overlays: Sequence[str]) -> None:
+        """Refuse what is not for this kind of content."""
+        if overlay not in ("none", *overlays):
+            raise InputError(f"--overlay {overlay} is not for {kind}: give --overlay {' or '.join(overlays)}")
+        owners: dict[str, tuple[tuple[str, ...], bool]] = {
+            "--fit": (("an image",), self.fit is not None),
+            "the options of meshes": (("a mesh", "a cloud of points"), self.mesh != MESH_DEFAULT),
+            "the options of terrains": (("a terrain",), self.terrain != TERRAIN_DEFAULT),
+            "the options of points": (("a cloud of points",), self.points != POINTS_DEFAULT),
+            "--most-triangles": (("a terrain",), self.most_triangles is not None),
+        }
+        foreign = [words for words, (kinds, was_given) in owners.items() if was_given and kind not in kinds]
+        if foreign:
+            raise InputError(
+                f"this content is {kind}: leave out {foreign[0]} (limen show --help lists what is for what)"
+            )
 
 
 def _show_mesh(

@@ -39,6 +39,8 @@ class FrameRow(msgspec.Struct):
     patches: int = 0
     min_allowed_px: float | None = None
     max_allowed_px: float | None = None
+    triangles_left: int | None = None
+    """Of a mesh: those that are not folded, each counted once; ``triangles`` counts them on every panel they touch."""
     distance_factor: float | None = None
     """How many times farther away viewers would have to be for nobody to see what is left out of a mesh or points."""
 

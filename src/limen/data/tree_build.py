@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from limen.data import tree_kernels, tree_node_kernels
+from limen.data import tree_kernels, tree_node_kernels, tree_start_kernels
 from limen.data.mesh import NO_TEXTURE, Mesh
 from limen.data.resample import linear_of_srgb, srgb_of_linear
 from limen.data.vertex_tree import MASK_WORDS, VertexTree
@@ -126,7 +126,7 @@ def _rooted(mesh: Mesh, middle: Floats, size: float) -> _Forest:
         numbers, np.empty((mesh.size, tree_kernels.CORNERS), np.int32), parent, kind,
         np.zeros((2 * vertices, tree_kernels.SLOTS), np.float32),
     )  # fmt: skip
-    tree_kernels.fill(mesh.positions, middle, size, mesh.triangles, numbers, forest.records, forest.triangles)
+    tree_start_kernels.fill(mesh.positions, middle, size, mesh.triangles, numbers, forest.records, forest.triangles)
     return forest
 
 
@@ -149,11 +149,11 @@ def _collapse(forest: _Forest) -> int:
     begin = int(max(forest.numbers.max() + 1, vertices))
     triangles, records = forest.triangles.ravel(), forest.records.ravel()
     words = records.view(np.int32)
-    tree_kernels.link_corners(triangles, words, np.full(begin, -1, np.int32))
-    tree_kernels.sum_quadrics(triangles, records)
-    tree_kernels.classify(triangles, records, words, forest.kind[:begin])
+    tree_start_kernels.link_corners(triangles, words, np.full(begin, -1, np.int32))
+    tree_start_kernels.sum_quadrics(triangles, records)
+    tree_start_kernels.classify(triangles, records, words, forest.kind[:begin])
     tile = np.zeros(len(forest.parent), np.int32)
-    tiles = tree_kernels.tile(records, begin, max(1, int(math.sqrt(vertices / _VERTICES_A_TILE))), tile)
+    tiles = tree_start_kernels.tile(records, begin, max(1, int(math.sqrt(vertices / _VERTICES_A_TILE))), tile)
     bins = np.empty((2, tree_kernels.ROUNDS * tree_kernels.STEPS * tiles), np.int32)
     queue = np.empty(3 * (_EDGES_A_TRIANGLE * len(forest.triangles) + 1024), np.int32)
     nodes, mark, before, full = begin, 0, -1, True

@@ -32,8 +32,8 @@ from limen.select.bend_kernels import MOMENTS, bends, nest, star_moments
 from limen.select.facing import SPREAD_SINES, facing_masks
 from limen.select.fold_kernels import RIPPLE_SHARE, count_left, deaths, emit, fold, spreads
 from limen.select.lighting import AMBIENT, TOWARD_LIGHT
+from limen.select.panes import budget_limit, eye_rows, panel_rows
 from limen.select.point_kernels import BINS
-from limen.select.points import budget_limit, eye_rows, panel_rows
 from limen.select.shares import shares_of_codes
 from limen.tolerance import COUNTED, Policy, Tolerance
 from limen.view import PanelViews

@@ -19,30 +19,25 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.machine import worker_count
 from limen.data.point_nodes import radius_of_code
-from limen.data.points_file import Points
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.select.lighting import AMBIENT, TOWARD_LIGHT
-from limen.select.point_kernels import (
-    BINS,
-    BINS_PER_OCTAVE,
-    LOWEST_OCTAVE,
-    cut_chunks,
-    cut_tops,
-)
+from limen.select.panes import budget_limit, eye_rows, panel_rows
+from limen.select.point_kernels import BINS, cut_chunks, cut_tops
 from limen.tolerance import COUNTED, Policy, Tolerance
 from limen.view import PanelViews
 
-__all__ = [
-    "TOP_ITEM", "PointCut", "PointTree", "Resident", "Sight", "budget_limit", "eye_rows", "panel_rows", "select_points"
-]  # fmt: skip
+if TYPE_CHECKING:
+    from limen.data.points_file import Points  # Zarr takes half a second
+
+__all__ = ["TOP_ITEM", "PointCut", "PointTree", "Resident", "Sight", "select_points"]
 
 TOP_ITEM = 1 << 31
 """Set in the number of an item that is a top (its row among all tops); without it, it is ``slot * 4681 + node``."""
@@ -279,42 +274,6 @@ def _limit_of_budget(told: _Told, pool: ThreadPoolExecutor, panels: Floats, most
     """The smallest ``k`` (a bin's edge) up to which nodes can be drawn with no more than ``most`` splats in all."""
     histogram = sum((told.count(pool, panel) for panel in panels), np.zeros(BINS, np.int64))
     return budget_limit(histogram, len(panels), most)
-
-
-def budget_limit(histogram: Index, least: int, most: int) -> float:
-    """The smallest edge of a bin such that no more than ``most`` items are drawn.
-
-    Parameters
-    ----------
-    histogram
-        (256,): items that are drawn in addition, where all above an edge, by ``k``, is gone into.
-    least
-        How many there are when nothing is.
-    """
-    above = np.append(np.cumsum(histogram[::-1])[::-1], 0) + least
-    fits = np.flatnonzero(above <= most)
-    edge = int(fits[0]) if len(fits) else BINS
-    return 0.0 if edge == 0 else math.inf if edge >= BINS else 2.0 ** (LOWEST_OCTAVE + edge / BINS_PER_OCTAVE)
-
-
-def eye_rows(tolerance: Tolerance, eye_m: Floats) -> Floats:
-    """What the loops are told of all eyes, (E, 8), from the one that is drawn for."""
-    eyes = np.zeros((len(tolerance.tan_angle), 8))
-    eyes[:, :3] = tolerance.eyes_m - eye_m
-    eyes[:, 3], eyes[:, 4:7], eyes[:, 7] = tolerance.tan_angle, tolerance.gaze, tolerance.slack_deg
-    return eyes
-
-
-def panel_rows(views: PanelViews) -> Floats:
-    """What the loops are told of every panel, (N, 30)."""
-    rows = np.zeros((len(views.near), 30))
-    normal = views.clip[:, 2]
-    edges = views.edges / np.maximum(np.linalg.norm(views.edges, axis=2, keepdims=True), 1e-300)
-    rows[:, :24] = edges.reshape(len(rows), 24)
-    rows[:, 24:27] = normal
-    along = views.edges - np.einsum("nka,na->nk", views.edges, normal)[..., None] * normal[:, None]
-    rows[:, 27] = np.linalg.norm(along, axis=2).max(axis=1)  # an edge's distance in pixels grows by so much a metre
-    return rows
 
 
 def _spans(count: int) -> list[tuple[int, int]]:
