@@ -221,9 +221,9 @@ def mesh_row(report: SceneReport, files: list[str]) -> FrameRow:
     """A frame as ``--json`` tells it."""
     return FrameRow(
         time_s=report.time_s, policy=report.policy, panels_active=report.panels_active, pages=0, missing=0,
-        triangles=report.triangles, splats=0, max_error_px=report.max_error_px, select_ms=report.select_ms + report.sort_ms,
-        stream_ms=0.0, draw_ms=report.draw_ms, files=files, triangles_left=report.left,
-        distance_factor=report.distance_factor,
+        triangles=report.triangles, splats=0, max_error_px=report.max_error_px,
+        select_ms=report.select_ms + report.sort_ms, stream_ms=0.0, draw_ms=report.draw_ms, files=files,
+        triangles_left=report.left, distance_factor=report.distance_factor,
     )  # fmt: skip
 
 
@@ -231,8 +231,8 @@ def print_mesh_rows(out: Output, rows: Sequence[FrameRow], folder: Path) -> None
     columns = ["time s", "policy", "panels", "triangles", "seen from", "select ms", "draw ms", "files"]
     cells = [
         (
-            f"{row.time_s:.2f}", row.policy, row.panels_active, f"{row.triangles_left or 0:,}", visible_from(row.distance_factor),
-            f"{row.select_ms:.1f}", f"{row.draw_ms:.1f}", len(row.files),
+            f"{row.time_s:.2f}", row.policy, row.panels_active, f"{row.triangles_left or 0:,}",
+            visible_from(row.distance_factor), f"{row.select_ms:.1f}", f"{row.draw_ms:.1f}", len(row.files),
         )
         for row in rows
     ]  # fmt: skip
