@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import Parameter
 
 from limen.cli.arguments import chosen_panels
 from limen.cli.output import DEFAULT, Common, Output
-from limen.cli.show_terrain import TERRAIN_DEFAULT, TerrainOptions
+from limen.cli.show_terrain import TERRAIN_DEFAULT, TerrainOptions, opened_content
+from limen.cli.traffic_scene import scene_traffic
 from limen.cli.traffic_terrain import terrain_traffic
+from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
+from limen.data.image import existing_file
+from limen.data.mesh_file import mesh_type
 from limen.data.opening import open_picture
 from limen.display.display import Display
 from limen.errors import InputError
@@ -25,6 +29,10 @@ from limen.study.traffic import Report, Row, SessionTraffic
 from limen.tolerance import Policy
 from limen.track.walk import session_named
 from limen.vision.acuity import HUMAN_ARCMIN
+
+if TYPE_CHECKING:
+    from limen.data.mesh import Mesh
+    from limen.data.points_file import Points
 
 __all__ = ["print_traffic", "traffic"]
 
@@ -52,12 +60,14 @@ def traffic(
 ) -> None:
     """Count what every frame of a session needs, policy by policy, with nothing kept between frames.
 
-    Of an image that is pages; of a terrain, patches (and their triangles) and pages.
+    Of an image that is pages; of a terrain, patches (and their triangles) and pages; of a mesh triangles; of points
+    splats.
 
     Parameters
     ----------
     content
-        An image or terrain file, or one-to-one: a made-up image with a texel on every pixel of the whole display.
+        An image, terrain, mesh or points, or one-to-one: a made-up image with a texel on every pixel of the whole
+        display.
     display
         A preset's name or a display file.
     panels
@@ -67,7 +77,7 @@ def traffic(
     policy
         full, acuity, contrast, snellen, all but full also with +gaze appended; for a terrain also scheel (default: full
         acuity; for an image file also acuity+gaze contrast contrast+gaze; for a terrain full scheel acuity
-        acuity+gaze).
+        acuity+gaze; for a mesh or points full acuity contrast contrast+gaze; there is also budget:N).
     acuity_arcmin
         A row of each policy for each of these (human and snellen are names). By default acuity has rows for 1 0.64 0.5,
         the others for 0.64.
@@ -101,6 +111,14 @@ def traffic(
             f"{content} is no terrain: leave out the options of terrains and --most-triangles (limen traffic --help "
             "lists them)"
         )
+    if content != ONE_TO_ONE and (is_points(content) or mesh_type(existing_file(content)) is not None):
+        if plot is not None or per_node or fit is not None:
+            raise InputError("--plot, --per-node and --fit are for images; leave them out for a mesh or points")
+        opened = opened_content(out, content)
+        names = policy or ["full", "acuity", "contrast", "contrast+gaze"]
+        counted = study.policies_of(names, acuity_arcmin or [HUMAN_ARCMIN])
+        scene_traffic(out, cast("Mesh | Points", opened), content, whole, part, sessions, counted, rate_hz)
+        return
     policies = _policies(content, policy, acuity_arcmin)
     if plot is not None:
         format_of(plot)  # a wrong ending should not cost a minute of counting
