@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = ["render"]
 
+_FULL = Policy("full")
 _NAMES = {"mesh": "a mesh", "points": "a cloud of points", "terrain": "a terrain"}
 
 
@@ -102,12 +103,13 @@ def render(
     NoAdapterError
         If there is no graphics adapter, not even a software one.
     """
+    chosen = policy if isinstance(policy, Policy) else Policy.parse(policy or "acuity", acuity_arcmin)
     wanted = display.select(panels)
     if scale != 1.0:
         wanted = wanted.scaled(scale)
     opened = open_content(content) if isinstance(content, str | Path) else content
-    usual = "full" if isinstance(opened, Mesh) else "acuity"
-    chosen = policy if isinstance(policy, Policy) else Policy.parse(policy or usual, acuity_arcmin)
+    if policy is None and isinstance(opened, Mesh):
+        chosen = _FULL
     asked = _Asked(display, wanted, list(viewers), chosen, placement, overlay, stereo)
     with _lent(device) as adapter, ExitStack() as stack:
         if isinstance(opened, Image):
