@@ -171,7 +171,8 @@ def _scene_report(
     if asked.display:
         shown = chosen_panels(asked.display, asked.panels)
         viewer = standing_viewer(shown)
-    (light,) = {panel.luminance_cd_m2 for panel in shown.panels}
+    scenes.check_one_panel(shown)
+    light = shown.panels[0].luminance_cd_m2
     observers = {light: Observer(light)}
     report = VerifyReport(str(content), shown.name, "", asked.seed, [light], _controls(out, observers), [], [])
     if not all(control.holds for control in report.controls):

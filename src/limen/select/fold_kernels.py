@@ -22,7 +22,7 @@ RIPPLE_SHARE = 0.7
 This share and the two below are those with which the independent observer does not see what is folded, from the true
 distance, at the gaze and away from it (docs/observer.md)."""
 
-REGION_SHARE = 0.45
+REGION_SHARE = 0.48
 """Half a wavelength of what folding changes inside the surface, over the radius of the region of support, which reaches
 a ring of triangles farther than what is folded."""
 

@@ -36,7 +36,7 @@ from limen.study.verify import ALIKE, Judged, Trial
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 
-__all__ = ["GAZE_DEG", "Pose", "Subject", "judge_views", "monitor", "random_poses", "subject_of"]
+__all__ = ["GAZE_DEG", "Pose", "Subject", "check_one_panel", "judge_views", "monitor", "random_poses", "subject_of"]
 
 GAZE_DEG = (0.0, 20.0, 40.0)
 """Angles between the gaze and the object's middle at which policies with gaze are tried, unless told otherwise."""
@@ -113,10 +113,8 @@ def random_poses(count: int, seed: int = 0) -> list[Pose]:
     ]
 
 
-def subject_of(device: Device, content: Mesh | Points, display: Display, extent: Extent = "displacement") -> Subject:
-    """A mesh with its vertex tree, or points, ready to be drawn on a display of one panel.
-
-    Raises
+def check_one_panel(display: Display) -> None:
+    """Raises
     ------
     InputError
         If the display has several panels.
@@ -126,6 +124,17 @@ def subject_of(device: Device, content: Mesh | Points, display: Display, extent:
             f"'{display.name}' has {len(display.panels)} panels: meshes and points are judged on one (leave out "
             "--display for the paper's monitor, or name one of its --panels)"
         )
+
+
+def subject_of(device: Device, content: Mesh | Points, display: Display, extent: Extent = "displacement") -> Subject:
+    """A mesh with its vertex tree, or points, ready to be drawn on a display of one panel.
+
+    Raises
+    ------
+    InputError
+        If the display has several panels.
+    """
+    check_one_panel(display)
     return _Mesh(device, content, display, extent) if isinstance(content, Mesh) else _Points(device, content, display)
 
 
