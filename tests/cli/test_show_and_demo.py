@@ -18,6 +18,7 @@ from PIL import Image as Picture
 
 from limen.cli.app import main
 from limen.data import sample_image
+from limen.study import demo
 
 LIMEN = [sys.executable, "-m", "limen.cli"]
 
@@ -86,7 +87,8 @@ def test_a_window_opens_and_closes(world):
 
 @pytest.mark.timeout(600)  # it makes an image of 0.66 gigapixels
 @pytest.mark.gpu
-def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys):
+def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(demo, "_PAPERS_HZ", 1.0)
     assert limen("demo", "--content", world, "--out", tmp_path / "demo", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     report = Path(result["report"])

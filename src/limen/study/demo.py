@@ -57,6 +57,7 @@ _PREVIEW_SCALE = 1 / 20
 _TINT_CELLS = (48, 27)
 _FILM_FRAMES, _FILM_SIZE, _FILM_MS = 48, (960, 480), 120
 _CROP_PX = (560, 315)
+_PAPERS_HZ = 10.0  # how often its three walks are looked at
 
 
 class Watch(Protocol):
@@ -240,14 +241,12 @@ def _papers_traffic(watch: Watch) -> Report:
     view = one_to_one_view(walls)
     policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"]) + policies_of(["acuity+gaze"], ["0.64"])
     sessions = [session_named(name, display) for name in "ABC"]
-    rate_hz = 10.0
-    with watch(
-        "counting pages of the paper's three walks", sum(len(walk.times_s(rate_hz)) for walk in sessions)
-    ) as step:
+    frames = sum(len(walk.times_s(_PAPERS_HZ)) for walk in sessions)
+    with watch("counting pages of the paper's three walks", frames) as step:
         counts = tuple(
-            count_traffic(view, walk, policies, rate_hz=rate_hz, advance=lambda: step(1)) for walk in sessions
+            count_traffic(view, walk, policies, rate_hz=_PAPERS_HZ, advance=lambda: step(1)) for walk in sessions
         )
-    return Report("one-to-one", view, rate_hz, PAPER_PAGE_BYTES, False, counts)
+    return Report("one-to-one", view, _PAPERS_HZ, PAPER_PAGE_BYTES, False, counts)
 
 
 @contextmanager
