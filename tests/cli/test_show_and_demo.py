@@ -89,6 +89,7 @@ def test_a_window_opens_and_closes(world):
 @pytest.mark.gpu
 def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(demo, "_PAPERS_HZ", 1.0)
+    monkeypatch.setattr(demo, "_FILM_FRAMES", 6)
     assert limen("demo", "--content", world, "--out", tmp_path / "demo", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     report = Path(result["report"])
