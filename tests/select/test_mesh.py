@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from limen.data.mesh import NO_TEXTURE, Mesh, smooth_normals
 from limen.data.mesh_sample import torus_knot
 from limen.data.tree_build import build_vertex_tree
-from limen.data.tree_node_kernels import cell_of
+from limen.data.tree_node_kernels import add_up, cell_of
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.select.bend_kernels import MOMENTS, bends, star_moments
+from limen.select.bend_kernels import MOMENTS, ripples, star_moments
 from limen.select.facing import SPREAD_SINES, facing_masks
 from limen.select.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
 from limen.select.mesh import Foldable, FoldSight, select_mesh
@@ -162,22 +161,68 @@ def test_no_silhouette_is_missed(seed):
         assert (tilt >= margin - 1e-9).all()
 
 
+def plain_ripples2(parent, places, normals, area, triangles):
+    """Of every inner node: fit the bend to its region, then the variance about it, child by child."""
+    vertices = len(places)
+    below = [{v} if v < vertices else set() for v in range(len(parent))]
+    children = [[] for _ in parent]
+    for node, above in enumerate(parent):
+        if above >= 0:
+            below[above] |= below[node]
+            children[above].append(node)
+
+    def mean(node, values):
+        numbers = sorted(below[node])
+        return np.average(values[numbers], axis=0, weights=area[numbers])
+
+    found = np.zeros(len(parent))
+    for node in range(vertices, len(parent)):
+        corners = [(corner, weight) for v in below[node] for t, weight in triangles if v in t for corner in t]
+        numbers, weights = np.array([v for v, _ in corners]), np.array([w for _, w in corners])
+        x = places[numbers] - np.average(places[numbers], axis=0, weights=weights)
+        n = normals[numbers] - np.average(normals[numbers], axis=0, weights=weights)
+        spread = np.einsum("i,ia,ib->ab", weights, x, x) / weights.sum()
+        spread += 1e-4 * np.trace(spread) * np.eye(3)
+        bend = np.linalg.solve(spread, np.einsum("i,ia,ib->ab", weights, x, n) / weights.sum())
+        for child in children[node]:
+            share = area[sorted(below[child])].sum() / area[sorted(below[node])].sum()
+            left = mean(child, normals) - mean(node, normals) - (mean(child, places) - mean(node, places)) @ bend
+            found[node] += share * (left @ left + found[child])
+    return found
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=25, deadline=None)
+def test_ripples_are_what_is_left_of_normals_beside_the_bend_of_their_region(seed):
+    rng = np.random.default_rng(seed)
+    places, normals = rng.normal(size=(12, 3)), rng.normal(size=(12, 3))
+    triangles = np.array(
+        [rng.permutation(12)[:3] for _ in range(14)] + [[v, (v + 1) % 12, (v + 5) % 12] for v in range(12)]
+    )
+    parent = np.full(17, -1, np.int32)
+    parent[:12], parent[12:16] = rng.integers(12, 16, 12), 16
+    parent[:4] = np.arange(12, 16)  # none is without children
+    area = rng.random(12) + 0.1
+    region, own, ripple2 = np.zeros((17, MOMENTS)), np.zeros((17, 7)), np.zeros(17)
+    star_moments(triangles.astype(np.uint32), places, normals, region)
+    own[:12] = np.column_stack([area, area[:, None] * places, area[:, None] * normals])
+    add_up(parent, region)
+    add_up(parent, own)
+    ripples(parent, region, own, ripple2)
+    sizes = np.linalg.norm(
+        np.cross(places[triangles[:, 1]] - places[triangles[:, 0]], places[triangles[:, 2]] - places[triangles[:, 0]]),
+        axis=1,
+    )
+    expected = plain_ripples2(parent, places, normals, area, list(zip(triangles.tolist(), sizes, strict=True)))
+    np.testing.assert_allclose(ripple2, expected, rtol=1e-6, atol=1e-9)
+
+
 def test_what_bends_steadily_does_not_ripple_and_what_ripples_does():
-    rng = np.random.default_rng(1)
-    places = np.column_stack([rng.uniform(-1, 1, (300, 2)), np.zeros(300)])
-    triangles = np.stack([np.arange(0, 297), np.arange(1, 298), np.arange(2, 299)], axis=1).astype(np.uint32)
-    steady = np.column_stack([0.1 * places[:, 0], 0.05 * places[:, 0] - 0.1 * places[:, 1], np.ones(300)])
-    rippling = steady.copy()
-    rippling[:, 0] += 0.05 * np.where(rng.random(300) < 0.5, 1, -1)
-    found = []
-    for normals in (steady, rippling):
-        sums = np.zeros((300, MOMENTS))
-        star_moments(triangles, places, normals, sums)
-        ripple2 = np.empty(1)
-        bends(sums.sum(axis=0)[None], ripple2)
-        found.append(math.sqrt(ripple2[0]))
-    assert found[0] < 0.002
-    assert found[1] == pytest.approx(0.05, rel=0.1)
+    def middle_ripple(bumps):
+        foldable = Foldable(build_vertex_tree(ball(60, bumps=bumps)))
+        return float(np.median(foldable.ripple[: len(foldable.ripple) // 2]))
+
+    assert 100 * middle_ripple(0.0) < 0.005 < middle_ripple(0.05)
 
 
 def test_a_closed_surface_hides_its_back_and_one_with_a_hole_from_one_side_only():

@@ -7,15 +7,15 @@ import math
 import numpy as np
 from numba import njit
 
-MOMENTS = 23
-"""Of a region, weighted by area: 1; x (3); x x (6, upper triangle); n (3); x n (9); n n (1)."""
+MOMENTS = 22
+"""Of a region, weighted by area: 1; x (3); x x (6, upper triangle); n (3); x n (9)."""
 
 _STIFF = 1e-4  # of the region's own extent: across a flat region the bend is not known, and taken for none
 
 
 @njit(cache=True, nogil=True)
 def star_moments(triangles, place, normal, sums):
-    """Add the moments of all corners of the triangles around each vertex to its row of ``sums`` (N, 23)."""
+    """Add the moments of all corners of the triangles around each vertex to its row of ``sums`` (N, 22)."""
     own = np.empty(MOMENTS)
     for triangle in range(triangles.shape[0]):
         a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
@@ -50,53 +50,81 @@ def star_moments(triangles, place, normal, sums):
             own[19] += pz * nx
             own[20] += pz * ny
             own[21] += pz * nz
-            own[22] += nx * nx + ny * ny + nz * nz
         for vertex in (a, b, c):
             for column in range(MOMENTS):
                 sums[vertex, column] += area * own[column]
 
 
 @njit(cache=True, nogil=True)
-def bends(sums, ripple2):
-    """The mean square of what is left of normals beside their best linear bend, for rows of moments.
+def ripples(parent, region, own, ripple2):
+    """Mean squares of what the normals below each node are beside those of a surface that bends steadily there.
 
-    With places and normals from their means: ``|n|^2 - tr(D^T C^-1 D)`` for ``C = <x x^T>`` and ``D = <x n^T>``.
+    A node that is folded shows the mean of its children's normals, bent as its region bends: by the linear function of
+    place that fits the region best, ``C^-1 D`` for ``C = <x x^T>`` and ``D = <x n^T>`` about the means. What two
+    children of weights ``a`` and ``b`` differ by beyond that, ``e``, is ``a b / (a + b)^2 |e|^2`` in the mean; to it
+    come the children's own mean squares (the law of total variance).
+
+    Parameters
+    ----------
+    parent
+        (N,); -1 of a root.
+    region
+        (N, 22): sums of `star_moments` over all vertices below a node.
+    own
+        (N, 7): sums over the vertices below a node alone: of areas, of places and of normals times these. Divided by
+        the areas here.
+    ripple2
+        (N,): 0 at first, as it stays for vertices.
     """
-    for row in range(sums.shape[0]):
-        weight = sums[row, 0]
-        if weight <= 0.0:
-            ripple2[row] = 0.0
+    weight = np.zeros(parent.shape[0])  # of the children that were added to a node so far
+    mean = np.zeros((parent.shape[0], 6))
+    for child in range(parent.shape[0]):
+        for column in range(1, 7):
+            own[child, column] /= own[child, 0]
+        node = parent[child]
+        if node < 0:
             continue
-        mx, my, mz = sums[row, 1] / weight, sums[row, 2] / weight, sums[row, 3] / weight
-        c00, c01, c02 = (
-            sums[row, 4] / weight - mx * mx,
-            sums[row, 5] / weight - mx * my,
-            sums[row, 6] / weight - mx * mz,
-        )
-        c11, c12, c22 = (
-            sums[row, 7] / weight - my * my,
-            sums[row, 8] / weight - my * mz,
-            sums[row, 9] / weight - mz * mz,
-        )
-        stiff = _STIFF * (c00 + c11 + c22) + 1e-24
-        c00, c11, c22 = c00 + stiff, c11 + stiff, c22 + stiff
-        # Cholesky: C = L L^T.
-        l00 = math.sqrt(c00)
-        l10, l20 = c01 / l00, c02 / l00
-        l11 = math.sqrt(max(c11 - l10 * l10, 1e-30))
-        l21 = (c12 - l20 * l10) / l11
-        l22 = math.sqrt(max(c22 - l20 * l20 - l21 * l21, 1e-30))
-        left = sums[row, 22] / weight
-        for axis in range(3):
-            mean = sums[row, 10 + axis] / weight
-            d0 = sums[row, 13 + axis] / weight - mx * mean
-            d1 = sums[row, 16 + axis] / weight - my * mean
-            d2 = sums[row, 19 + axis] / weight - mz * mean
-            y0 = d0 / l00
-            y1 = (d1 - l10 * y0) / l11
-            y2 = (d2 - l20 * y0 - l21 * y1) / l22
-            left -= mean * mean + y0 * y0 + y1 * y1 + y2 * y2
-        ripple2[row] = max(left, 0.0)
+        one, other = weight[node], own[child, 0]
+        total = one + other
+        share = other / total
+        added = 0.0
+        if one > 0.0:
+            added = one / total * share * _unsteady2(region, node, mean, own, child)
+        ripple2[node] = (1.0 - share) * ripple2[node] + share * ripple2[child] + added
+        for column in range(6):
+            mean[node, column] += share * (own[child, 1 + column] - mean[node, column])
+        weight[node] = total
+
+
+@njit(cache=True, nogil=True)
+def _unsteady2(region, node, mean, own, child):
+    """The square of what a child's normal differs from the ``mean`` of a node beyond the bend of the node's region."""
+    weight = max(region[node, 0], 1e-300)  # what has no area does not bend
+    mx, my, mz = region[node, 1] / weight, region[node, 2] / weight, region[node, 3] / weight
+    c00, c01 = region[node, 4] / weight - mx * mx, region[node, 5] / weight - mx * my
+    c02, c11 = region[node, 6] / weight - mx * mz, region[node, 7] / weight - my * my
+    c12, c22 = region[node, 8] / weight - my * mz, region[node, 9] / weight - mz * mz
+    stiff = _STIFF * (c00 + c11 + c22) + 1e-24
+    c00, c11, c22 = c00 + stiff, c11 + stiff, c22 + stiff
+    x, y, z = own[child, 1] - mean[node, 0], own[child, 2] - mean[node, 1], own[child, 3] - mean[node, 2]
+    # C^-1 (x, y, z), by cofactors.
+    i00, i01, i02 = c11 * c22 - c12 * c12, c02 * c12 - c01 * c22, c01 * c12 - c02 * c11
+    i11, i12, i22 = c00 * c22 - c02 * c02, c01 * c02 - c00 * c12, c00 * c11 - c01 * c01
+    down = 1.0 / (c00 * i00 + c01 * i01 + c02 * i02)
+    gx, gy, gz = (
+        (i00 * x + i01 * y + i02 * z) * down,
+        (i01 * x + i11 * y + i12 * z) * down,
+        (i02 * x + i12 * y + i22 * z) * down,
+    )
+    found = 0.0
+    for axis in range(3):
+        normal = region[node, 10 + axis] / weight
+        bend = gx * (region[node, 13 + axis] / weight - mx * normal)
+        bend += gy * (region[node, 16 + axis] / weight - my * normal)
+        bend += gz * (region[node, 19 + axis] / weight - mz * normal)
+        left = own[child, 4 + axis] - mean[node, 3 + axis] - bend
+        found += left * left
+    return found
 
 
 @njit(cache=True, nogil=True)

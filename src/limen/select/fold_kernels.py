@@ -16,15 +16,15 @@ from limen.select.point_kernels import _is_outside, _least_allowed_m, _lit_range
 _UNFOLDED = -1
 _CODE_STEP = math.log(1000.0) / 254.0
 
-RIPPLE_SHARE = 0.7
-"""Amplitude of the light that folding changes, over what the normals' ripple would make were all of it lost.
+CREST = math.sqrt(2.0)
+"""Amplitude of a sine over the root of its mean square: of light, over what normals ripple by."""
 
-This share and the two below are those with which the independent observer does not see what is folded, from the true
-distance, at the gaze and away from it (docs/observer.md)."""
-
-REGION_SHARE = 0.48
+REGION_SHARE = 0.44
 """Half a wavelength of what folding changes inside the surface, over the radius of the region of support, which reaches
-a ring of triangles farther than what is folded."""
+a ring of triangles farther than what is folded.
+
+This share and that below are those with which the independent observer does not see what is folded, from the true
+distance, at the gaze and away from it (docs/observer.md)."""
 
 STRIP_SHARE = 0.5
 """Half a wavelength of what folding changes along the silhouette, over the bound of how far the surface moves."""
@@ -101,7 +101,7 @@ def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
 
 @njit(cache=True, nogil=True)
 def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
-    """The contrast code of light that ripples as normals do, by ``ripple`` radians about a steady bend.
+    """The contrast code of light that ripples as normals do, by ``ripple`` radians about a steady bend in the mean.
 
     ``x, y, z`` is the unit way to the eye.
     """
@@ -117,7 +117,7 @@ def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
     shown = light[3] + share * (max(sign * toward_light, 0.0) + abs(toward_eye))
     steep = math.sqrt(ax * ax + ay * ay + az * az)
     # Where light falls along the normal its change is of the second order, and there is always some: half the square.
-    amplitude = RIPPLE_SHARE * share * (steep * ripple + 0.5 * ripple * ripple) / shown
+    amplitude = CREST * share * (steep * ripple + 0.5 * ripple * ripple) / shown
     if code > 0:
         amplitude += 0.001 * math.exp((code - 1) * _CODE_STEP)
     if amplitude >= 1.0:
@@ -140,7 +140,7 @@ def fold(
     spread
         (N - V,): the largest angle between a proxy's normal and those of its region, radians.
     ripple
-        (N - V,): how far normals of the region are from a steady bend, root of the mean square, radians.
+        (N - V,): how far normals below the node are from a steady bend, root of the mean square, radians.
     lost
         (N + 1,): triangles that vanish when a node is folded and none above it is; the last, those that never do.
     panels

@@ -28,9 +28,9 @@ from limen.data.tree_node_kernels import add_up
 from limen.data.vertex_tree import VertexTree
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.select.bend_kernels import MOMENTS, bends, nest, star_moments
+from limen.select.bend_kernels import MOMENTS, nest, ripples, star_moments
 from limen.select.facing import SPREAD_SINES, facing_masks
-from limen.select.fold_kernels import RIPPLE_SHARE, count_left, deaths, emit, fold, spreads
+from limen.select.fold_kernels import CREST, count_left, deaths, emit, fold, spreads
 from limen.select.lighting import AMBIENT, TOWARD_LIGHT
 from limen.select.panes import budget_limit, eye_rows, panel_rows
 from limen.select.point_kernels import BINS
@@ -44,7 +44,7 @@ __all__ = ["Extent", "FoldSight", "Foldable", "MeshCut", "select_mesh"]
 Extent: TypeAlias = Literal["support", "displacement"]
 """What a silhouette's change is as wide as: the region of support, or twice what the surface moves."""
 
-_USUALLY_STEEP = 0.5 * RIPPLE_SHARE
+_USUALLY_STEEP = 0.5 * CREST
 
 _SLICE = 1 << 16  # triangles that a thread takes at a time
 
@@ -205,21 +205,24 @@ def _emitted(mesh: Foldable, state: NDArray[np.int32], threads: int | None) -> N
 
 
 def _ripples(tree: VertexTree) -> Floats:
-    """How far the normals of each region are from a steady bend, (N - V,) radians: root of the mean square.
+    """How far the normals below each node are from a steady bend, (N - V,) radians: root of the mean square.
 
-    A folded region still bends as its neighbours do: what Gouraud shading draws between proxies is linear. So a linear
-    function of place is fitted to the normals of each region, by moments that add up the tree.
+    What is folded still bends as its surroundings do, for what Gouraud shading draws between proxies is linear.
     """
     vertices, nodes = tree.vertices, len(tree.position)
     place = tree.position[:vertices].astype(float)
     low, high = place.min(axis=0), place.max(axis=0)
     place = (place - (low + high) / 2) / max(float((high - low).max()), 1e-30)
-    sums = np.zeros((nodes, MOMENTS))
-    star_moments(tree.triangles, place, tree.normal[:vertices].astype(float), sums)
-    add_up(tree.parent, sums)
-    ripple2 = np.empty(nodes - vertices)
-    bends(sums[vertices:], ripple2)
-    ripple = np.sqrt(ripple2)
+    normal = tree.normal[:vertices].astype(float)
+    region, own = np.zeros((nodes, MOMENTS)), np.zeros((nodes, 7))
+    star_moments(tree.triangles, place, normal, region)
+    area = region[:vertices, :1] + max(float(region[:vertices, 0].sum()), 1e-30) * 1e-12  # vertices of no triangle
+    own[:vertices] = np.concatenate([area, area * place, area * normal], axis=1)
+    add_up(tree.parent, region)
+    add_up(tree.parent, own)
+    ripple2 = np.zeros(nodes)
+    ripples(tree.parent, region, own, ripple2)
+    ripple = np.sqrt(ripple2[vertices:])
     nest(tree.parent, vertices, tree.radius, ripple, _USUALLY_STEEP, shares_of_codes(100.0), CONTRAST_OF_CODE)
     return ripple
 
