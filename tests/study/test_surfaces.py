@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import nnls
 
-from limen.study.surface_kernels import nearest_squared
-from limen.study.surfaces import samples_of, surface_error
+from limen.study.surfaces import distances, samples_of, surface_error
 
 
 def plain_distance(point: Any, corners: Any) -> float:
@@ -23,12 +22,15 @@ def plain_distance(point: Any, corners: Any) -> float:
     return float(np.linalg.norm(point - share / share.sum() @ corners))
 
 
-@given(arrays(float, (4, 3), elements=st.integers(-6, 6).map(float)))
-@settings(max_examples=100, deadline=None)
-def test_the_distance_from_a_triangle_is_the_least(numbers: Any) -> None:
-    found = np.empty(1)
-    nearest_squared(numbers[:1], np.zeros((1, 1), np.int64), numbers[1:], np.array([[0, 1, 2]]), found)
-    assert np.sqrt(found[0]) == pytest.approx(plain_distance(numbers[0], numbers[1:]), abs=1e-3)
+@given(
+    arrays(float, (4, 3), elements=st.integers(-6, 6).map(float)),
+    arrays(float, (9, 3), elements=st.integers(-6, 6).map(float)),
+    arrays(np.int64, (5, 3), elements=st.integers(0, 8)),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_distance_is_that_of_the_nearest_triangle(points: Any, places: Any, triangles: Any) -> None:
+    nearest = [min(plain_distance(point, places[corners]) for corners in triangles) for point in points]
+    np.testing.assert_allclose(distances(points, places, triangles), nearest, atol=1e-3)
 
 
 def grid(side: int, height: float) -> tuple[Any, Any]:

@@ -61,6 +61,7 @@ _PULL = (
 )
 _COMPACT = np.float32(1e-5)  # of the planes' weight: how much long edges cost where planes cost nothing
 _FLAT = 0.04  # square of the least cosine between a triangle's normal before and after
+_STEEP = 0.06  # square of the least cosine between a triangle and the mean of those around a node
 _MOST_CORNERS = 48  # around a node: more would make a collapse slow, and triangles thin
 _RETRY_STEPS = 4
 
@@ -131,11 +132,13 @@ def _best_place(record: Any, kind: Any, u: Any, w: Any) -> Any:
         c00, c01, c02 = n * o - e * e, c * e - b * o, b * e - c * n
         c11, c12, c22 = m * o - c * c, b * c - m * e, m * n - b * b
         down = 1.0 / (m * c00 + b * c01 + c * c02)
-        x, y, z = (
-            (c00 * gx + c01 * gy + c02 * gz) * down,
-            (c01 * gx + c11 * gy + c12 * gz) * down,
-            (c02 * gx + c12 * gy + c22 * gz) * down,
-        )
+        for _ in range(2):  # once more from where it led: what planes hold firmly is hardly pulled any more
+            x += (c00 * gx + c01 * gy + c02 * gz) * down
+            y += (c01 * gx + c11 * gy + c12 * gz) * down
+            z += (c02 * gx + c12 * gy + c22 * gz) * down
+            gx = -(ux + wx) - (a * x + b * y + c * z)
+            gy = -(uy + wy) - (b * x + d * y + e * z)
+            gz = -(uz + wz) - (c * x + e * y + f * z)
         if not x * x + y * y + z * z < ex * ex + ey * ey + ez * ez:
             x = y = z = 0.0
     return hx + x, hy + y, hz + z, x - hx, y - hy, z - hz
@@ -161,15 +164,17 @@ def _gather(tri: Any, words: Any, node: Any, partner: Any, around: Any, count: A
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _move(record: Any, node: Any, around: Any, begin: Any, end: Any, x: Any, y: Any, z: Any) -> Any:
+def _move(record: Any, node: Any, around: Any, begin: Any, end: Any, normals: Any, x: Any, y: Any, z: Any) -> Any:
     """How far the surface around a node moves when the node goes by (x, y, z); -1 if a triangle would turn over.
 
     The largest distance of the new place from the planes of the triangles, and of the old one from those they become.
+    That says nothing where they do not all look one way, as around the edge of a blade: there, the whole way counts.
     """
     way2 = x * x + y * y + z * z
     if way2 == 0.0:
         return 0.0
     at, most = SLOTS * node + PLACE, 0.0
+    mean_x = mean_y = mean_z = 0.0
     px, py, pz = np.float64(record[at]), np.float64(record[at + 1]), np.float64(record[at + 2])
     for row in range(begin, end):
         i, k = SLOTS * around[row, 1] + PLACE, SLOTS * around[row, 2] + PLACE
@@ -180,13 +185,45 @@ def _move(record: Any, node: Any, around: Any, begin: Any, end: Any, x: Any, y: 
         ox, oy, oz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         before2, after2 = nx * nx + ny * ny + nz * nz, ox * ox + oy * oy + oz * oz
         turn, volume = nx * ox + ny * oy + nz * oz, nx * x + ny * y + nz * z
+        normals[row, 0], normals[row, 1], normals[row, 2], normals[row, 3] = nx, ny, nz, before2
+        mean_x, mean_y, mean_z = mean_x + nx, mean_y + ny, mean_z + nz
         if before2 <= 0.0:
             most = way2
         elif turn <= 0.0 or turn * turn < _FLAT * before2 * after2:
             return -1.0
         else:
             most = max(most, volume * volume / min(before2, after2))
+    steep = _STEEP * (mean_x * mean_x + mean_y * mean_y + mean_z * mean_z)
+    for row in range(begin, end):
+        toward = normals[row, 0] * mean_x + normals[row, 1] * mean_y + normals[row, 2] * mean_z
+        if toward < 0.0 or toward * toward < steep * normals[row, 3]:
+            most = way2
     return np.sqrt(min(most, way2))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _move_rim(record: Any, node: Any, around: Any, begin: Any, end: Any, third: Any, x: Any, y: Any, z: Any) -> Any:
+    """How far the rim moves when a node on it goes by (x, y, z): the two places from the lines to the next on the rim.
+
+    That is the one neighbour, besides the third corner of the triangle that vanishes, that a single triangle has.
+    """
+    way2 = x * x + y * y + z * z
+    if way2 == 0.0:
+        return 0.0
+    ahead = third
+    for row in range(begin, end):
+        ahead ^= around[row, 1] ^ around[row, 2]
+    i, k = SLOTS * node + PLACE, SLOTS * ahead + PLACE
+    ax, ay, az = (
+        np.float64(record[k]) - record[i],
+        np.float64(record[k + 1]) - record[i + 1],
+        np.float64(record[k + 2]) - record[i + 2],
+    )
+    nx, ny, nz = ay * z - az * y, az * x - ax * z, ax * y - ay * x
+    before2 = ax * ax + ay * ay + az * az
+    ax, ay, az = ax - x, ay - y, az - z
+    least = min(before2, ax * ax + ay * ay + az * az)
+    return np.sqrt(min((nx * nx + ny * ny + nz * nz) / least, way2) if least > 0.0 else way2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -269,7 +306,7 @@ def collapse(
     first, last = bins[0], bins[1]
     steps_a_round = bins.shape[1] // ROUNDS
     around, ring = np.empty((_MOST_CORNERS + 1, 3), np.int32), np.empty(2 * _MOST_CORNERS, np.int32)
-    edge, cost = np.empty((4, 2), np.int32), np.empty(1, np.float32)
+    edge, cost, normals = np.empty((4, 2), np.int32), np.empty(1, np.float32), np.empty((_MOST_CORNERS, 4))
     bits = cost.view(np.int32)
     for t in range(tri.shape[0] // CORNERS):
         for corner in range(CORNERS * t, CORNERS * t + 3):
@@ -294,15 +331,18 @@ def collapse(
         count = -1
         middle, _ = _gather(tri, words, u, w, around, 0, edge)
         end, shared = _gather(tri, words, w, u, around, middle, edge)
-        along = kind[u] != RIM or kind[w] != RIM or shared == 1
+        along = min(kind[u], kind[w]) < RIM or shared == 1
         if 0 < end < _MOST_CORNERS and 0 < shared < 3 and along:
             count = _neighbours(words, around, middle, end, edge, shared, mark, ring)
         ux, uy, uz, wx, wy, wz = _best_place(record, kind, u, w)
         far_u = far_w = -1.0
         if count >= 0:
-            far_u = _move(record, u, around, 0, middle, ux, uy, uz)
+            far_u = _move(record, u, around, 0, middle, normals, ux, uy, uz)
             if far_u >= 0.0:
-                far_w = _move(record, w, around, middle, end, wx, wy, wz)
+                far_w = _move(record, w, around, middle, end, normals, wx, wy, wz)
+            if far_w >= 0.0 and shared == 1:
+                far_u = max(far_u, _move_rim(record, u, around, 0, middle, edge[0, 1], ux, uy, uz))
+                far_w = max(far_w, _move_rim(record, w, around, middle, end, edge[0, 1], wx, wy, wz))
         if far_w < 0.0:
             later = number + (_RETRY_STEPS if (number & 7) + _RETRY_STEPS < STEPS else steps_a_round)
             if later < bins.shape[1]:

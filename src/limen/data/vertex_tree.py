@@ -25,7 +25,8 @@ class VertexTree(NamedTuple):
     A parent's number is larger than its children's, so one pass from the last node to the first meets parents first.
     When a node is **folded**, all vertices below it are replaced by its proxy; triangles that then have two corners in
     one place are gone. The **region of support** of a node are the triangles with a corner below it that vanish or
-    change when it is folded.
+    change when it is folded. Its ``displacement`` bounds how far the surface moves if what is around it is folded as
+    far as it was when the node was made; a cut of another shape exceeds it at one place in a thousand.
     """
 
     triangles: NDArray[np.uint32]  # (T, 3): the mesh's own, corners below V
@@ -35,7 +36,7 @@ class VertexTree(NamedTuple):
     colour: NDArray[np.uint8]  # (N, 4): sRGB and opacity
     middle: NDArray[np.float32]  # (N - V, 3): of a sphere around the region of support, original and folded
     radius: NDArray[np.float32]  # (N - V,)
-    displacement: NDArray[np.float32]  # (N - V,): how far folding moves the surface at most, below the node included
+    displacement: NDArray[np.float32]  # (N - V,): how far folding moves the surface, below the node included; see below
     contrast: NDArray[np.uint8]  # (N - V,): code of the luminances folded against those of the region (vision.grades)
     mask: NDArray[
         np.uint64

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["nearest_squared"]
+__all__ = ["fill_grid", "nearest_squared"]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -39,12 +39,61 @@ def _to_triangle(points: Any, p: Any, places: Any, a: Any, b: Any, c: Any) -> An
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def nearest_squared(points: Any, candidates: Any, places: Any, triangles: Any, found: Any) -> None:
-    """Squares of the distances of ``points`` (P, 3) from the nearest of their candidates (P, k), rows of triangles."""
+def _cells(places: Any, triangle: Any, low: Any, cell: Any, count: Any, ends: Any) -> None:
+    """First and last cell along each axis that the box of a triangle meets, into ``ends`` (6,)."""
+    for axis in range(3):
+        a, b, c = places[triangle[0], axis], places[triangle[1], axis], places[triangle[2], axis]
+        ends[axis] = min(max(int((min(a, b, c) - low[axis]) / cell), 0), count[axis] - 1)
+        ends[3 + axis] = min(max(int((max(a, b, c) - low[axis]) / cell), 0), count[axis] - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_grid(places: Any, triangles: Any, low: Any, cell: Any, count: Any, starts: Any, members: Any) -> None:
+    """Which triangles meet which cube: those of cell c are ``members[starts[c]:starts[c + 1]]``.
+
+    With ``members`` of length 0, only ``starts`` (cells + 1,) is made, of zeros; with its last number as length, both.
+    """
+    ends = np.empty(6, np.int64)
+    counting = members.shape[0] == 0
+    for t in range(triangles.shape[0] - 1, -1, -1):
+        _cells(places, triangles[t], low, cell, count, ends)
+        for i in range(ends[0], ends[3] + 1):
+            for k in range(ends[1], ends[4] + 1):
+                for m in range(ends[2], ends[5] + 1):
+                    at = (i * count[1] + k) * count[2] + m
+                    if counting:
+                        starts[at] += 1
+                    else:
+                        starts[at] -= 1
+                        members[starts[at]] = t
+    if counting:
+        for at in range(1, starts.shape[0]):
+            starts[at] += starts[at - 1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def nearest_squared(
+    points: Any, places: Any, triangles: Any, low: Any, cell: Any, count: Any, starts: Any, members: Any, found: Any
+) -> None:
+    """Squares of the distances of ``points`` (P, 3) from the nearest triangle, in shells of cells around each point.
+
+    A shell is looked at while it may hold something nearer than what was found.
+    """
+    most = max(count[0], count[1], count[2])
     for p in range(points.shape[0]):
-        nearest = np.inf
-        for k in range(candidates.shape[1]):
-            t = candidates[p, k]
-            square = _to_triangle(points, p, places, triangles[t, 0], triangles[t, 1], triangles[t, 2])
-            nearest = min(nearest, square)
+        home = np.empty(3, np.int64)
+        for axis in range(3):
+            home[axis] = min(max(int((points[p, axis] - low[axis]) / cell), 0), count[axis] - 1)
+        nearest, shell = np.inf, 0
+        while shell <= most and ((shell - 1) * cell <= 0.0 or ((shell - 1) * cell) ** 2 < nearest):
+            for i in range(max(home[0] - shell, 0), min(home[0] + shell, count[0] - 1) + 1):
+                for k in range(max(home[1] - shell, 0), min(home[1] + shell, count[1] - 1) + 1):
+                    side = abs(i - home[0]) == shell or abs(k - home[1]) == shell
+                    for m in range(home[2] - shell, home[2] + shell + 1, 1 if side or shell == 0 else 2 * shell):
+                        if 0 <= m < count[2]:
+                            at = (i * count[1] + k) * count[2] + m
+                            for n in range(starts[at], starts[at + 1]):
+                                a, b, c = triangles[members[n]]
+                                nearest = min(nearest, _to_triangle(points, p, places, a, b, c))
+            shell += 1
         found[p] = nearest

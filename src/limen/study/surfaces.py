@@ -12,14 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from limen.geometry import Floats
-from limen.study.surface_kernels import nearest_squared
+from limen.study.surface_kernels import fill_grid, nearest_squared
 
 __all__ = ["SurfaceError", "distances", "samples_of", "surface_error"]
 
-_CANDIDATES = 8
+_MOST_CELLS = 256  # along the longest side
 
 Triangles = NDArray[np.integer]
 
@@ -43,16 +42,19 @@ def samples_of(places: Floats, triangles: Triangles, count: int, seed: int = 0) 
 
 
 def distances(points: Floats, places: Floats, triangles: Triangles) -> Floats:
-    """Of points (P, 3) from a surface: exact to the nearest of eight triangles whose samples lie next to each point.
-
-    Never too small; too large only where a triangle without a near sample is nearer.
-    """
-    spread, chosen = samples_of(places, triangles, max(200_000, 2 * len(triangles)))
-    seeds = np.concatenate([spread, places[triangles].mean(axis=1)])
-    owner = np.concatenate([chosen, np.arange(len(triangles))])
-    _, near = KDTree(seeds).query(points, k=_CANDIDATES)
+    """Of points (P, 3) from a surface, (P,): the nearest triangle's, found in a grid."""
+    points, places = np.ascontiguousarray(points, float), np.ascontiguousarray(places, float)
+    triangles = np.ascontiguousarray(triangles, np.int64)
+    used = places[triangles.ravel()]
+    low, size = used.min(axis=0), np.ptp(used, axis=0)
+    cell = float(max(size.max() / _MOST_CELLS, np.ptp(places[triangles], axis=1).max(axis=1).mean(), 1e-300))
+    count = (size / cell).astype(np.int64) + 1
+    starts = np.zeros(int(count.prod()) + 1, np.int64)
+    fill_grid(places, triangles, low, cell, count, starts, np.empty(0, np.int64))
+    members = np.empty(starts[-1], np.int64)
+    fill_grid(places, triangles, low, cell, count, starts, members)
     found = np.empty(len(points))
-    nearest_squared(points, owner[near], places, np.ascontiguousarray(triangles, np.int64), found)
+    nearest_squared(points, places, triangles, low, cell, count, starts, members, found)
     return np.sqrt(found)
 
 
