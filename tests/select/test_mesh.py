@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,6 +20,7 @@ from limen.select.bend_kernels import MOMENTS, ripples, star_moments
 from limen.select.facing import SPREAD_SINES, facing_masks
 from limen.select.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
 from limen.select.mesh import Foldable, FoldSight, select_mesh
+from limen.select.openings import openings_of
 from limen.select.shares import shares_of_codes
 from limen.tolerance import Policy, tolerance_of
 from limen.view import Windows
@@ -121,11 +124,10 @@ def test_threads_do_not_change_the_cut():
 def test_silhouettes_keep_more_than_what_is_inside():
     smooth = Foldable(build_vertex_tree(ball(bumps=0.0)))
     cut = select_mesh(smooth, sight("budget:2000", 15.0))
-    unfolded = cut.state[smooth.tree.vertices : -1] == -1
-    inner = smooth.lost[smooth.tree.vertices : -1]
-    left = [int(inner[unfolded & (cut.faces == kind)].sum()) for kind in (HIDDEN, INTERIOR, SILHOUETTE)]
-    assert left[SILHOUETTE] > left[INTERIOR]
-    assert left[SILHOUETTE] > left[HIDDEN]
+    folded = cut.state[smooth.tree.vertices : -1] == np.arange(smooth.tree.vertices, len(smooth.tree.position))
+    moved = [smooth.tree.displacement[folded & (cut.faces == kind)].max() for kind in (HIDDEN, INTERIOR, SILHOUETTE)]
+    assert moved[SILHOUETTE] < moved[INTERIOR]
+    assert moved[SILHOUETTE] < moved[HIDDEN]
 
 
 def test_less_is_left_than_by_the_papers_own_extent():
@@ -231,12 +233,32 @@ def test_a_closed_surface_hides_its_back_and_one_with_a_hole_from_one_side_only(
         None, closed.positions, closed.triangles[closed.positions[closed.triangles, 1].min(axis=1) > -0.8],
         closed.normals, closed.colours, closed.uv, closed.layers, closed.textures,
     )  # fmt: skip
-    whole, holed = BALL, Foldable(build_vertex_tree(open_below))
+    whole, holed = BALL.covers, Foldable(build_vertex_tree(open_below)).covers
     above, below = np.array([0.0, 5, 0]), np.array([0.0, -5, 0])
-    assert whole.hides_back(above)
-    assert whole.hides_back(below)
-    assert holed.hides_back(above)
-    assert not holed.hides_back(below)
+    assert not len(openings_of(whole, above))
+    assert not len(openings_of(whole, below))
+    assert not len(openings_of(holed, above))
+    ((x, y, z, half),) = openings_of(holed, below)
+    np.testing.assert_allclose([x, y, z], [0, 1, 0], atol=0.05)
+    assert half == pytest.approx(math.asin(0.6 / math.hypot(4.2, 0)), rel=0.1)  # the rim is 0.6 m about y = -0.8 m
+    assert openings_of(holed, np.array([0, -0.9, 0]))[0, 3] == np.pi, "an eye in the hole sees all of the inside"
+    assert openings_of(None, above)[0, 3] == np.pi, "what is no surface hides nothing"
+
+
+def test_what_is_seen_through_a_hole_folds_as_late_as_the_front():
+    closed = ball()
+    heights = closed.positions[closed.triangles, 1]
+    holed = Foldable(build_vertex_tree(replace(closed, triangles=closed.triangles[heights.min(axis=1) > -0.5])))
+    below = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, -6.0], [0, 0, 0, 1]])  # its lower side to the eye
+    chosen = Policy.parse("contrast", 3.0)
+    tolerance = tolerance_of([Viewer((0, 0, 0), eye_separation_m=0.0)], chosen)
+    left = []
+    for foldable in (holed, BALL):
+        cut = select_mesh(foldable, FoldSight((VIEWS,), below, tolerance, chosen, SHARES))
+        top = foldable.tree.middle[:, 1] > 0.3
+        assert (cut.faces[top] == HIDDEN).any()
+        left.append(int((cut.state[foldable.tree.vertices : -1][top] == -1).sum()))
+    assert left[0] > 2 * left[1]
 
 
 def test_a_mesh_of_several_parts_folds():

@@ -76,6 +76,17 @@ def facing_of(mask, front, back, x, y, z, sine, spread_sines):
 
 
 @njit(cache=True, nogil=True)
+def _is_within(x, y, z, sine, cones):
+    """Whether a sphere that is seen along ``x, y, z``, of a sine of half its angle, meets any of some cones."""
+    length = math.sqrt(x * x + y * y + z * z)
+    for row in range(cones.shape[0]):
+        cosine = (x * cones[row, 0] + y * cones[row, 1] + z * cones[row, 2]) / max(length, 1e-300)
+        if math.acos(min(max(cosine, -1.0), 1.0)) <= cones[row, 3] + math.asin(sine):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
     """The contrast code of a proxy's light against that of normals within ``spread`` radians of its own.
 
@@ -128,9 +139,59 @@ def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
 
 
 @njit(cache=True, nogil=True)
+def _change_m(
+    x, y, z, reach, normal, code, displacement, spread, ripple, mask, front, back, spread_sines, place, normals_in_room,
+    light, shares, by_displacement, openings,
+):  # fmt: skip
+    """How a node is seen from an eye at 0, and the largest length that would be invisible at full contrast if what
+    folding changes is: (face, metres).
+
+    ``x, y, z`` and ``reach`` are its region's sphere and ``displacement`` its own, in metres; other arguments are
+    those of `fold`, of this node.
+    """
+    away = math.sqrt(x * x + y * y + z * z)
+    if away <= reach:
+        return SILHOUETTE, 2.0 * reach
+    sine = reach / away
+    rx = normals_in_room[0, 0] * normal[0] + normals_in_room[0, 1] * normal[1] + normals_in_room[0, 2] * normal[2]
+    ry = normals_in_room[1, 0] * normal[0] + normals_in_room[1, 1] * normal[1] + normals_in_room[1, 2] * normal[2]
+    rz = normals_in_room[2, 0] * normal[0] + normals_in_room[2, 1] * normal[1] + normals_in_room[2, 2] * normal[2]
+    ex, ey, ez = -x / away, -y / away, -z / away
+    toward_eye = min(max(rx * ex + ry * ey + rz * ez, -1.0), 1.0)
+    tilt, half = math.asin(toward_eye), spread + math.asin(sine)
+    # The way back to the eye in the mesh's coordinates: the transposed map, which only turns and scales.
+    bx = -(place[0, 0] * x + place[1, 0] * y + place[2, 0] * z)
+    by = -(place[0, 1] * x + place[1, 1] * y + place[2, 1] * z)
+    bz = -(place[0, 2] * x + place[1, 2] * y + place[2, 2] * z)
+    if abs(tilt) > half:
+        face = INTERIOR if tilt > 0.0 else HIDDEN
+    else:
+        face = facing_of(mask, front, back, bx, by, bz, sine, spread_sines)
+    # A surface moves along its normals; what an eye sees of that is across the line of sight.
+    moved = STRIP_SHARE * displacement * math.cos(max(abs(tilt) - half, 0.0))
+    if face == HIDDEN and not _is_within(-bx, -by, -bz, sine, openings):
+        return face, moved
+    seen_m = 0.0
+    if face == SILHOUETTE:
+        seen_m = moved if by_displacement else 2.0 * reach
+    toward_light = rx * light[0] + ry * light[1] + rz * light[2]
+    whole = code
+    if light[4] != 0.0:
+        whole = shading_code(code, toward_light, toward_eye, spread, math.asin(sine), light[3])
+    if not by_displacement:
+        return face, max(seen_m, 2.0 * reach * shares[whole])
+    seen_m = max(seen_m, moved * shares[whole])
+    if light[4] != 0.0:
+        code = ripple_code(code, ripple, rx, ry, rz, ex, ey, ez, light)
+    # Seen at a slant, what changes is so much narrower one way.
+    slant = math.sin(min(abs(tilt) + half, 0.5 * math.pi))
+    return face, max(seen_m, REGION_SHARE * reach * slant * shares[code])
+
+
+@njit(cache=True, nogil=True)
 def fold(
     parent, vertices, normal, middle, radius, displacement, contrast, spread, ripple, mask, lost, front, back,
-    spread_sines, panels, eyes, place, size, normals_in_room, light, shares, mode, by_displacement, hides_back, limit,
+    spread_sines, panels, eyes, place, size, normals_in_room, light, shares, mode, by_displacement, openings, limit,
     state, kept, faces, histogram,
 ):  # fmt: skip
     """Decide about every node, parents first.
@@ -152,8 +213,8 @@ def fold(
         0: by pixels alone. 1: by what eyes see.
     by_displacement
         What silhouettes change is as wide as the surface moves, and not as the region.
-    hides_back
-        Whether what faces away cannot be seen.
+    openings
+        (K, 4): where what faces away is seen all the same, see `limen.select.openings`.
     limit
         Nodes are folded up to this ``k``.
     state
@@ -198,40 +259,11 @@ def fold(
         if seen:
             k = pixels
             if mode == 1:
-                # The way back to the eye in the mesh's coordinates: the transposed map, which only turns and scales.
-                bx = -(place[0, 0] * x + place[1, 0] * y + place[2, 0] * z)
-                by = -(place[0, 1] * x + place[1, 1] * y + place[2, 1] * z)
-                bz = -(place[0, 2] * x + place[1, 2] * y + place[2, 2] * z)
-                away = math.sqrt(x * x + y * y + z * z)
-                sine = 2.0 if away <= reach else reach / away
-                facing = facing_of(mask[inner], front, back, bx, by, bz, sine, spread_sines)
-                faces[inner] = facing
-                moved = STRIP_SHARE * displacement[inner] * size
-                seen_m = 0.0
-                if facing == SILHOUETTE:
-                    seen_m = moved if by_displacement else 2.0 * reach
-                    if away <= reach:
-                        seen_m = 2.0 * reach
-                elif facing == HIDDEN and hides_back:
-                    seen_m = moved
-                if (facing != HIDDEN or not hides_back) and away > reach:
-                    nx, ny, nz = normal[node, 0], normal[node, 1], normal[node, 2]
-                    rx = normals_in_room[0, 0] * nx + normals_in_room[0, 1] * ny + normals_in_room[0, 2] * nz
-                    ry = normals_in_room[1, 0] * nx + normals_in_room[1, 1] * ny + normals_in_room[1, 2] * nz
-                    rz = normals_in_room[2, 0] * nx + normals_in_room[2, 1] * ny + normals_in_room[2, 2] * nz
-                    toward_eye = -(rx * x + ry * y + rz * z) / away
-                    toward_light = rx * light[0] + ry * light[1] + rz * light[2]
-                    code = np.int64(contrast[inner])
-                    whole = code
-                    if light[4] != 0.0:
-                        whole = shading_code(code, toward_light, toward_eye, spread[inner], math.asin(sine), light[3])
-                    if by_displacement:
-                        seen_m = max(seen_m, moved * shares[whole])
-                        if light[4] != 0.0:
-                            code = ripple_code(code, ripple[inner], rx, ry, rz, -x / away, -y / away, -z / away, light)
-                        seen_m = max(seen_m, REGION_SHARE * reach * shares[code])
-                    else:
-                        seen_m = max(seen_m, 2.0 * reach * shares[whole])
+                faces[inner], seen_m = _change_m(
+                    x, y, z, reach, normal[node], np.int64(contrast[inner]), displacement[inner] * size, spread[inner],
+                    ripple[inner], mask[inner], front, back, spread_sines, place, normals_in_room, light, shares,
+                    by_displacement, openings,
+                )  # fmt: skip
                 if seen_m == 0.0:
                     k = 0.0
                 else:
@@ -310,27 +342,37 @@ def deaths(triangles, parent, dies_at, lost):
 
 
 @njit(cache=True, nogil=True)
-def spreads(triangles, parent, vertices, normal, vertex_normal, cosine):
-    """The smallest cosine between a proxy's normal and the normals of vertices in its region, into ``cosine`` (N - V,).
+def spreads(triangles, parent, vertices, place, normal, cosine):
+    """The smallest cosine between a proxy's normal and any normal in its region, into ``cosine`` (N - V,).
 
-    Every corner of a triangle with a corner below the node is in the region. All above a node with normals more than a
-    right angle away count as such, so climbing ends there.
+    A triangle with a corner below the node is in the region with its own normal and those of its corners. All above a
+    node with normals more than a right angle away count as such, so climbing ends there.
     """
+    held = np.empty((4, 3))
     for triangle in range(triangles.shape[0]):
+        a, b, c = np.int64(triangles[triangle, 0]), np.int64(triangles[triangle, 1]), np.int64(triangles[triangle, 2])
+        ux, uy, uz = place[b, 0] - place[a, 0], place[b, 1] - place[a, 1], place[b, 2] - place[a, 2]
+        vx, vy, vz = place[c, 0] - place[a, 0], place[c, 1] - place[a, 1], place[c, 2] - place[a, 2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            held[3, 0], held[3, 1], held[3, 2] = x / length, y / length, z / length
+        for axis in range(3):
+            held[0, axis], held[1, axis], held[2, axis] = normal[a, axis], normal[b, axis], normal[c, axis]
+            if length <= 0.0:
+                held[3, axis] = held[0, axis]
         for corner in range(3):
-            below = np.int64(triangles[triangle, corner])
-            for other in range(3):
-                vertex = triangles[triangle, other]
-                x, y, z = vertex_normal[vertex, 0], vertex_normal[vertex, 1], vertex_normal[vertex, 2]
-                node = np.int64(parent[below])
-                while node >= 0:
-                    inner = node - vertices
-                    if cosine[inner] < 0.0:
-                        break
-                    product = normal[node, 0] * x + normal[node, 1] * y + normal[node, 2] * z
+            node = np.int64(parent[triangles[triangle, corner]])
+            while node >= 0:
+                inner = node - vertices
+                if cosine[inner] < 0.0:
+                    break
+                x, y, z = normal[node, 0], normal[node, 1], normal[node, 2]
+                for row in range(4):
+                    product = x * held[row, 0] + y * held[row, 1] + z * held[row, 2]
                     if product < cosine[inner]:
                         cosine[inner] = product
-                    node = np.int64(parent[node])
+                node = np.int64(parent[node])
     for joined in range(vertices, parent.shape[0]):
         above = np.int64(parent[joined])
         if above >= 0 and cosine[joined - vertices] < 0.0:

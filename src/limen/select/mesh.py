@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.machine import worker_count
+from limen.data.normal_masks import ALL_CELLS
 from limen.data.tree_node_kernels import add_up
 from limen.data.vertex_tree import VertexTree
 from limen.errors import InputError
@@ -32,6 +33,7 @@ from limen.select.bend_kernels import MOMENTS, nest, ripples, star_moments
 from limen.select.facing import SPREAD_SINES, facing_masks
 from limen.select.fold_kernels import CREST, count_left, deaths, emit, fold, spreads
 from limen.select.lighting import AMBIENT, TOWARD_LIGHT
+from limen.select.openings import Covers, covers_of, openings_of
 from limen.select.panes import budget_limit, eye_rows, panel_rows
 from limen.select.point_kernels import BINS
 from limen.select.shares import shares_of_codes
@@ -67,23 +69,16 @@ class Foldable:
         self.lost = np.zeros(nodes + 1, np.int64)
         deaths(tree.triangles, tree.parent, self.dies_at, self.lost)
         cosine = np.ones(inner)
-        spreads(tree.triangles, tree.parent, tree.vertices, tree.normal, tree.normal[: tree.vertices], cosine)
-        self.spread = np.where(cosine < 0, math.pi, np.arccos(np.clip(cosine, -1, 1)))
+        spreads(tree.triangles, tree.parent, tree.vertices, tree.position, tree.normal, cosine)
+        # On rims and where there is no surface, anything may be seen from anywhere.
+        bare = (tree.mask == ALL_CELLS).all(axis=1)
+        self.spread = np.where(bare | (cosine < 0), math.pi, np.arccos(np.clip(cosine, -1, 1)))
         self.ripple = _ripples(tree)
 
     @cached_property
-    def holes(self) -> Floats | None:
-        """Planes of what would close the holes, turned outwards, (H, 4); None where it is no surface with holes."""
-        return _covers(self.tree)
-
-    def hides_back(self, eye_in_mesh: Floats) -> bool:
-        """Whether an eye, (3,) in the mesh's coordinates, sees no triangle from behind.
-
-        Whoever looks into a closed surface has to look through its hull; so with holes, where the eye is behind what
-        would cover each of them. Covers are taken for planes, so a strongly bent hole may show some of the back; what
-        is behind is never moved visibly for that reason.
-        """
-        return self.holes is not None and bool((self.holes @ np.append(eye_in_mesh, 1.0) <= 0).all())
+    def covers(self) -> Covers | None:
+        """What would close its holes, see `limen.select.openings`."""
+        return covers_of(self.tree)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,7 +180,7 @@ def _folded(
         tree.parent, tree.vertices, tree.normal, tree.middle, tree.radius, tree.displacement, tree.contrast,
         mesh.spread, mesh.ripple, tree.mask, mesh.lost, masks.front, masks.back, SPREAD_SINES, panels,
         eye_rows(sight.tolerance, eye_m), way, size, way[:, :3] / size, light, np.asarray(sight.shares, dtype=float),
-        mode, sight.extent == "displacement", mesh.hides_back(in_mesh[:3]), limit, state,
+        mode, sight.extent == "displacement", openings_of(mesh.covers, in_mesh[:3]), limit, state,
         np.full(len(tree.radius), -1.0), faces, histogram,
     )  # fmt: skip
     left, asked, largest, widest = found
@@ -225,35 +220,3 @@ def _ripples(tree: VertexTree) -> Floats:
     ripple = np.sqrt(ripple2[vertices:])
     nest(tree.parent, vertices, tree.radius, ripple, _USUALLY_STEEP, shares_of_codes(100.0), CONTRAST_OF_CODE)
     return ripple
-
-
-def _covers(tree: VertexTree) -> Floats | None:
-    """The mean plane of every loop of border edges, (H, 4); None where edges have more than two triangles or are turned
-    against each other. Vertices of one place count as one.
-    """
-    places, number = np.unique(tree.position[: tree.vertices] + np.float32(0), axis=0, return_inverse=True)
-    corners = number.ravel()[tree.triangles].astype(np.int64)
-    corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
-    ahead = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
-    key, back = (ahead[:, 0] * len(places) + ahead[:, 1] for ahead in (ahead, ahead[:, ::-1]))
-    if len(np.unique(key)) < len(key):
-        return None
-    border = ahead[~np.isin(back, key, assume_unique=True)][:, ::-1]  # a cover runs the other way around
-    if not len(border):
-        return np.zeros((0, 4))
-    follows = dict(border.tolist())
-    if len(follows) < len(border):
-        return None  # two loops touch
-    planes, pending = [], set(follows)
-    while pending:
-        loop = [pending.pop()]
-        while (after := follows[loop[-1]]) != loop[0]:
-            if after not in pending:
-                return None
-            pending.remove(after)
-            loop.append(after)
-        ring = places[loop].astype(float)
-        middle = ring.mean(axis=0)
-        normal = np.cross(ring - middle, np.roll(ring, -1, axis=0) - middle).sum(axis=0)  # Newell's
-        planes.append(np.append(normal, -normal @ middle))
-    return np.array(planes)
