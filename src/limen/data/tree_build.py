@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from limen.data import tree_kernels, tree_node_kernels, tree_start_kernels
+from limen.data import tree_kernels, tree_node_kernels, tree_record_kernels, tree_start_kernels
 from limen.data.mesh import NO_TEXTURE, Mesh
 from limen.data.resample import linear_of_srgb, srgb_of_linear
 from limen.data.vertex_tree import MASK_WORDS, VertexTree
@@ -53,15 +53,15 @@ class _Forest(NamedTuple):
     triangles: Ints  # (T, 8): `tree_kernels.CORNERS`
     parent: Ints  # (2 V,)
     kind: NDArray[np.int8]  # (2 V,)
-    records: NDArray[np.float32]  # (2 V, 16): `tree_kernels.SLOTS`
+    records: NDArray[np.float32]  # (2 V, 32): `tree_record_kernels.SLOTS`
 
     @property
     def place(self) -> NDArray[np.float32]:
-        return self.records[:, tree_kernels.PLACE : tree_kernels.PLACE + 3]
+        return self.records[:, tree_record_kernels.PLACE : tree_record_kernels.PLACE + 3]
 
     @property
     def moved(self) -> NDArray[np.float32]:
-        return self.records[:, tree_kernels.MOVED]
+        return self.records[:, tree_record_kernels.MOVED]
 
     def weight(self, nodes: Ints) -> Floats:
         """Areas around nodes, about."""
@@ -89,7 +89,7 @@ def build_vertex_tree(mesh: Mesh, photometry: Photometry | None = None) -> Verte
     vertices, parent = len(mesh.positions), forest.parent[:nodes]
     position = np.empty((nodes, 3), np.float32)
     position[:vertices] = mesh.positions
-    stays = forest.kind[:collapsed] >= tree_kernels.FIXED
+    stays = forest.kind[:collapsed] >= tree_record_kernels.FIXED
     tree_node_kernels.places(forest.records, forest.numbers, parent, stays, middle, size, position)
     regions = _regions(mesh, parent, position, forest.kind[:nodes], forest.kind[forest.numbers])
     normal, colour = _means(mesh, parent, regions.area)
@@ -121,12 +121,13 @@ def _rooted(mesh: Mesh, middle: Floats, size: float) -> _Forest:
         numbers = numbers[first]
         below = numbers >= vertices
         parent[:vertices][below] = numbers[below]
-    kind[:vertices][apart] = tree_kernels.APART
+    kind[:vertices][apart] = tree_record_kernels.APART
     forest = _Forest(
         numbers, np.empty((mesh.size, tree_kernels.CORNERS), np.int32), parent, kind,
-        np.zeros((2 * vertices, tree_kernels.SLOTS), np.float32),
+        np.zeros((2 * vertices, tree_record_kernels.SLOTS), np.float32),
     )  # fmt: skip
     tree_start_kernels.fill(mesh.positions, middle, size, mesh.triangles, numbers, forest.records, forest.triangles)
+    tree_start_kernels.sum_bends(mesh.triangles, numbers, mesh.normals, forest.records.ravel())
     return forest
 
 
@@ -175,7 +176,7 @@ def _join_parts(forest: _Forest, nodes: int) -> int:
     edges = np.searchsorted(roots, left)
     links = coo_array((np.ones(2 * len(left)), (edges[:, [0, 0]].ravel(), edges[:, 1:].ravel())), (len(roots),) * 2)
     part = connected_components(links, directed=False)[1]
-    free = forest.kind[roots] != tree_kernels.APART
+    free = forest.kind[roots] != tree_record_kernels.APART
     roots, part = roots[free], part[free]
     order = np.lexsort((_along_curve(forest.place[roots]), part))
     roots, part = roots[order], part[order]
@@ -201,7 +202,7 @@ def _join_pairs(forest: _Forest, one: Ints, other: Ints, new: Ints) -> None:
         way = np.linalg.norm(place[child].astype(float) - place[new], axis=1)
         moved[new] = np.maximum(moved[new], moved[child] + way)
     forest.records[new, :6] = forest.records[one, :6] + forest.records[other, :6]
-    forest.kind[new] = tree_kernels.FIXED
+    forest.kind[new] = tree_record_kernels.FIXED
 
 
 def _along_curve(place: NDArray[np.float32]) -> NDArray[np.int64]:
@@ -234,7 +235,7 @@ def _regions(
     leaf_mask = np.zeros((vertices, MASK_WORDS), np.uint64)
     mask = np.zeros((nodes - vertices, MASK_WORDS), np.uint64)
     tree_node_kernels.leaf_regions(mesh.triangles, position, mesh.normals, box, ring2, leaf_mask, area)
-    leaf_mask[(kind_of_vertex == tree_kernels.RIM) | (kind_of_vertex == tree_kernels.FIXED)] = ALL_CELLS
+    leaf_mask[(kind_of_vertex == tree_record_kernels.RIM) | (kind_of_vertex == tree_record_kernels.FIXED)] = ALL_CELLS
     tree_node_kernels.merge_regions(parent, position, box, leaf_mask, mask)
     low, high = box[vertices:, :3].astype(float), box[vertices:, 3:].astype(float)
     middle = ((low + high) / 2).astype(np.float32)

@@ -2,11 +2,10 @@
 
 Triangles around a node are a linked list of their corners, so that two nodes become one by joining two lists. The queue
 is bins of the logarithm of the cost instead of a heap: what lies in one bin is taken in the order it came, which is the
-order of the mesh, and kind to caches. For their sake, too, all that is asked of a node lies in one record of 64 bytes,
-and of a triangle in one of 32.
+order of the mesh, and kind to caches. For their sake, too, all that is asked of a node lies in one record of 128
+bytes (`limen.data.tree_record_kernels`), and of a triangle in one of 32.
 
-A record holds ``A`` (6), ``b`` (3) and ``c`` of the sum of squared distances from planes, ``x'Ax + 2 b'x + c`` for a
-way ``x`` from the node's own place: so 32 bits are enough. Nodes of one cube of space are worked on for a while, all
+Nodes of one cube of space are worked on for a while, all
 edges up to a cost, before those of the next: so they stay in a core's own cache.
 
 References
@@ -23,29 +22,20 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = [
-    "APART",
-    "CORNERS",
-    "FIXED",
-    "HEAD",
-    "INNER",
-    "MOVED",
-    "PLACE",
-    "RIM",
-    "ROUNDS",
-    "SLOTS",
-    "STEPS",
-    "collapse",
-]
+from limen.data.tree_record_kernels import (
+    FIXED,
+    HEAD,
+    MOVED,
+    PLACE,
+    RIM,
+    SLOTS,
+    STAMP,
+    best_place,
+    cost_of,
+    merge,
+)  # fmt: skip
 
-INNER, RIM, FIXED, APART = 0, 1, 2, 3
-"""What a vertex is: inside a surface, on the edge of one, where it is none, or where textures meet.
-
-What is inside may be joined to any, a rim to a rim along it; a node has the larger kind of the two, and its place.
-"""
-
-SLOTS = 16
-"""32-bit words of a node's record."""
+__all__ = ["CORNERS", "ROUNDS", "STEPS", "collapse"]
 
 CORNERS = 8
 """Words of a triangle's record: three nodes, three next corners of theirs, and two that are not used.
@@ -53,13 +43,8 @@ CORNERS = 8
 A corner's number is that of its word among all; a node is -1 where the triangle is gone, a next corner at the end.
 """
 
-_B, _C, PLACE, HEAD, MOVED, _STAMP = 6, 9, 10, 13, 14, 15
 ROUNDS, STEPS = 64, 8
 _ROUND_SHIFT, _STEP_SHIFT = 25, 22  # of a cost's bits as a 32-bit float: four octaves a round, half an octave a step
-_PULL = (
-    1e-3  # of the planes' weight: how much a new place is drawn to the middle of the edge where planes leave it free
-)
-_COMPACT = np.float32(1e-5)  # of the planes' weight: how much long edges cost where planes cost nothing
 _FLAT = 0.04  # square of the least cosine between a triangle's normal before and after
 _STEEP = 0.06  # square of the least cosine between a triangle and the mean of those around a node
 _MOST_CORNERS = 48  # around a node: more would make a collapse slow, and triangles thin
@@ -69,79 +54,6 @@ _RETRY_STEPS = 4
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _next(corner: Any) -> Any:
     return corner + 1 - 3 * ((corner & 7) == 2)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _cost(record: Any, kind: Any, u: Any, w: Any) -> Any:
-    """About what joining two nodes costs: in the middle of them, or where the one is that may not move."""
-    i, k = SLOTS * u, SLOTS * w
-    x, y, z = record[k + 10] - record[i + 10], record[k + 11] - record[i + 11], record[k + 12] - record[i + 12]
-    from_u = np.float32(0.5) if kind[u] == kind[w] else np.float32(kind[u] < kind[w])
-    from_w = from_u - np.float32(1.0)
-    two = np.float32(2.0)
-    length2 = x * x + y * y + z * z
-    bend_u = (
-        x * (record[i] * x + two * (record[i + 1] * y + record[i + 2] * z))
-        + y * (record[i + 3] * y + two * record[i + 4] * z)
-        + record[i + 5] * z * z
-    )
-    bend_w = (
-        x * (record[k] * x + two * (record[k + 1] * y + record[k + 2] * z))
-        + y * (record[k + 3] * y + two * record[k + 4] * z)
-        + record[k + 5] * z * z
-    )
-    lean_u = two * (record[i + 6] * x + record[i + 7] * y + record[i + 8] * z)
-    lean_w = two * (record[k + 6] * x + record[k + 7] * y + record[k + 8] * z)
-    weight = min(record[i] + record[i + 3] + record[i + 5], record[k] + record[k + 3] + record[k + 5])
-    cost = from_u * (from_u * bend_u + lean_u) + from_w * (from_w * bend_w + lean_w) + record[i + 9] + record[k + 9]
-    return max(cost, np.float32(0.0)) + _COMPACT * length2 * weight
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _shift(record: Any, at: Any, x: Any, y: Any, z: Any) -> Any:
-    """``b`` and ``c`` of a record, seen from (x, y, z) off its place."""
-    rx = record[at] * x + record[at + 1] * y + record[at + 2] * z
-    ry = record[at + 1] * x + record[at + 3] * y + record[at + 4] * z
-    rz = record[at + 2] * x + record[at + 4] * y + record[at + 5] * z
-    bx, by, bz = record[at + 6], record[at + 7], record[at + 8]
-    constant = record[at + 9] + x * (rx + 2.0 * bx) + y * (ry + 2.0 * by) + z * (rz + 2.0 * bz)
-    return bx + rx, by + ry, bz + rz, constant
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _best_place(record: Any, kind: Any, u: Any, w: Any) -> Any:
-    """Where the node of two is to be, as ways from ``u`` and from ``w``."""
-    i, k = SLOTS * u, SLOTS * w
-    ex = np.float64(record[k + 10]) - record[i + 10]
-    ey = np.float64(record[k + 11]) - record[i + 11]
-    ez = np.float64(record[k + 12]) - record[i + 12]
-    if kind[u] > kind[w]:
-        return 0.0, 0.0, 0.0, -ex, -ey, -ez
-    if kind[w] > kind[u]:
-        return ex, ey, ez, 0.0, 0.0, 0.0
-    hx, hy, hz = 0.5 * ex, 0.5 * ey, 0.5 * ez
-    ux, uy, uz, _ = _shift(record, i, hx, hy, hz)
-    wx, wy, wz, _ = _shift(record, k, -hx, -hy, -hz)
-    gx, gy, gz = -(ux + wx), -(uy + wy), -(uz + wz)
-    b, c, e = record[i + 1] + record[k + 1], record[i + 2] + record[k + 2], record[i + 4] + record[k + 4]
-    a, d, f = record[i] + record[k], record[i + 3] + record[k + 3], record[i + 5] + record[k + 5]
-    pull = _PULL * (a + d + f)
-    x = y = z = 0.0
-    if pull > 0.0:
-        m, n, o = a + pull, d + pull, f + pull
-        c00, c01, c02 = n * o - e * e, c * e - b * o, b * e - c * n
-        c11, c12, c22 = m * o - c * c, b * c - m * e, m * n - b * b
-        down = 1.0 / (m * c00 + b * c01 + c * c02)
-        for _ in range(2):  # once more from where it led: what planes hold firmly is hardly pulled any more
-            x += (c00 * gx + c01 * gy + c02 * gz) * down
-            y += (c01 * gx + c11 * gy + c12 * gz) * down
-            z += (c02 * gx + c12 * gy + c22 * gz) * down
-            gx = -(ux + wx) - (a * x + b * y + c * z)
-            gy = -(uy + wy) - (b * x + d * y + e * z)
-            gz = -(uz + wz) - (c * x + e * y + f * z)
-        if not x * x + y * y + z * z < ex * ex + ey * ey + ez * ez:
-            x = y = z = 0.0
-    return hx + x, hy + y, hz + z, x - hx, y - hy, z - hz
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -236,34 +148,20 @@ def _neighbours(words: Any, around: Any, middle: Any, end: Any, edge: Any, share
     for row in range(middle):
         for column in range(1, 3):
             node = around[row, column]
-            at = SLOTS * node + _STAMP
+            at = SLOTS * node + STAMP
             ring[count] = node
             count += words[at] < mark
             words[at] = mark
     for row in range(middle, end):
         for column in range(1, 3):
             node = around[row, column]
-            at = SLOTS * node + _STAMP
+            at = SLOTS * node + STAMP
             before = words[at]
             ring[count] = node
             count += before < mark
             fails |= (before == mark) & (node != third) & (node != other)
             words[at] = mark + 1
     return -1 if fails else count
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _merge(record: Any, u: Any, w: Any, new: Any, ux: Any, uy: Any, uz: Any, wx: Any, wy: Any, wz: Any) -> None:
-    """The record of the node of two that go by (ux, uy, uz) and by (wx, wy, wz)."""
-    i, k, m = SLOTS * u, SLOTS * w, SLOTS * new
-    b0, b1, b2, c = _shift(record, i, ux, uy, uz)
-    d0, d1, d2, e = _shift(record, k, wx, wy, wz)
-    for word in range(_B):
-        record[m + word] = record[i + word] + record[k + word]
-    record[m + 6], record[m + 7], record[m + 8] = b0 + d0, b1 + d1, b2 + d2
-    record[m + _C] = max(c + e, 0.0)
-    base, x, y, z = (i, ux, uy, uz) if ux * ux + uy * uy + uz * uz == 0.0 else (k, wx, wy, wz)
-    record[m + 10], record[m + 11], record[m + 12] = record[base + 10] + x, record[base + 11] + y, record[base + 12] + z
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -298,7 +196,7 @@ def collapse(
     """Collapse edges from the cheapest on until none may be, or the queue is full; returns nodes, mark, and which.
 
     All arrays have room for all nodes there can be; ``begin`` are there, and no stamp is larger than ``mark`` + 1.
-    ``tri`` (8 T,) are triangles' records, ``record`` (16 N,) float32 those of nodes and ``words`` the same as int32;
+    ``tri`` (8 T,) are triangles' records, ``record`` (32 N,) float32 those of nodes and ``words`` the same as int32;
     ``kind``, ``tile`` and ``parent`` (N,).
     ``queue`` (3 n,) int32 has room for n edges, two nodes and the next of the bin; ``bins`` (2, 64 x 8 tiles) are -1.
     """
@@ -312,7 +210,7 @@ def collapse(
         for corner in range(CORNERS * t, CORNERS * t + 3):
             u, w = tri[corner], tri[_next(corner)]
             if u >= 0 and (u < w or (kind[u] == RIM and kind[w] == RIM)) and min(kind[u], kind[w]) < FIXED:
-                cost[0] = _cost(record, kind, u, w)
+                cost[0] = cost_of(record, kind, u, w)
                 at = (bits[0] >> _ROUND_SHIFT) * steps_a_round + STEPS * tile[u] + ((bits[0] >> _STEP_SHIFT) & 7)
                 _push(queue, first, last, size, u, w, at)
                 size += 1
@@ -334,7 +232,7 @@ def collapse(
         along = min(kind[u], kind[w]) < RIM or shared == 1
         if 0 < end < _MOST_CORNERS and 0 < shared < 3 and along:
             count = _neighbours(words, around, middle, end, edge, shared, mark, ring)
-        ux, uy, uz, wx, wy, wz = _best_place(record, kind, u, w)
+        ux, uy, uz, wx, wy, wz = best_place(record, kind, u, w)
         far_u = far_w = -1.0
         if count >= 0:
             far_u = _move(record, u, around, 0, middle, normals, ux, uy, uz)
@@ -353,16 +251,16 @@ def collapse(
         nodes += 1
         parent[u] = parent[w] = new
         kind[new], tile[new] = max(kind[u], kind[w]), tile[u]
-        _merge(record, u, w, new, ux, uy, uz, wx, wy, wz)
+        merge(record, u, w, new, ux, uy, uz, wx, wy, wz)
         record[SLOTS * new + MOVED] = max(record[SLOTS * u + MOVED] + far_u, record[SLOTS * w + MOVED] + far_w)
-        words[SLOTS * new + _STAMP] = mark
+        words[SLOTS * new + STAMP] = mark
         _rename(tri, words, around, end, edge, shared, new)
         turn = number // steps_a_round
         base = STEPS * tile[new]
         for n in range(count):
             neighbour = ring[n]
             if min(kind[new], kind[neighbour]) < FIXED:
-                cost[0] = _cost(record, kind, new, neighbour)
+                cost[0] = cost_of(record, kind, new, neighbour)
                 due = bits[0] >> _ROUND_SHIFT
                 at = base + (
                     due * steps_a_round + ((bits[0] >> _STEP_SHIFT) & 7) if due >= turn else turn * steps_a_round

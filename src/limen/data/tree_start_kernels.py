@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from limen.data.tree_kernels import APART, CORNERS, FIXED, HEAD, INNER, PLACE, RIM, SLOTS, _next
+from limen.data.tree_kernels import CORNERS, _next
+from limen.data.tree_record_kernels import APART, AREA, BEND, FIXED, HEAD, INNER, NORMAL, PLACE, RIM, SLOTS
 
-__all__ = ["classify", "fill", "link_corners", "sum_quadrics", "tile"]
+__all__ = ["classify", "fill", "link_corners", "sum_bends", "sum_quadrics", "tile"]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill(positions: Any, middle: Any, size: Any, triangles: Any, numbers: Any, records: Any, tri: Any) -> None:
     """Records of the nodes ``numbers`` (V,) of vertices, and of triangles that have three different ones.
 
-    ``records`` (N, 16) are 0 at first, ``tri`` (T, 8). Places are from ``middle`` (3,) in units of ``size``.
+    ``records`` (N, 32) are 0 at first, ``tri`` (T, 8). Places are from ``middle`` (3,) in units of ``size``.
     """
     for v in range(numbers.shape[0]):
         node = numbers[v]
@@ -93,6 +94,45 @@ def sum_quadrics(tri: Any, record: Any) -> None:
             _add_plane(record, a, x, y, z, weight)
             _add_plane(record, b, x, y, z, weight)
             _add_plane(record, c, x, y, z, weight)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sum_bends(triangles: Any, numbers: Any, normals: Any, record: Any) -> None:
+    """Means of the normals around the nodes ``numbers`` (V,) of vertices, and of how they bend along their triangles.
+
+    Along a triangle normals are linear; what is not symmetric of that is of no surface, and left out.
+    """
+    bend = np.empty((3, 3))
+    for t in range(triangles.shape[0]):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        i, k, m = SLOTS * numbers[a] + PLACE, SLOTS * numbers[b] + PLACE, SLOTS * numbers[c] + PLACE
+        ux, uy, uz = record[k] - record[i], record[k + 1] - record[i + 1], record[k + 2] - record[i + 2]
+        vx, vy, vz = record[m] - record[i], record[m + 1] - record[i + 1], record[m + 2] - record[i + 2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        double2 = x * x + y * y + z * z
+        if double2 <= 0.0:
+            continue
+        weight = np.sqrt(double2) / np.float32(6.0)
+        # Ways in the plane that go 1 along one edge and 0 along the other.
+        px, py, pz = (vy * z - vz * y) / double2, (vz * x - vx * z) / double2, (vx * y - vy * x) / double2
+        qx, qy, qz = (y * uz - z * uy) / double2, (z * ux - x * uz) / double2, (x * uy - y * ux) / double2
+        for axis in range(3):
+            du, dv = normals[b, axis] - normals[a, axis], normals[c, axis] - normals[a, axis]
+            bend[axis, 0], bend[axis, 1], bend[axis, 2] = du * px + dv * qx, du * py + dv * qy, du * pz + dv * qz
+        for corner in range(3):
+            vertex = triangles[t, corner]
+            at = SLOTS * numbers[vertex]
+            record[at + AREA] += weight
+            word = at + BEND
+            for axis in range(3):
+                record[at + NORMAL + axis] += weight * normals[vertex, axis]
+                for other in range(axis, 3):
+                    record[word] += weight * 0.5 * (bend[axis, other] + bend[other, axis])
+                    word += 1
+    for at in range(0, record.shape[0], SLOTS):
+        if record[at + AREA] > 0.0:
+            for word in range(at + NORMAL, at + AREA):
+                record[word] /= record[at + AREA]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -19,16 +19,12 @@ _CODE_STEP = math.log(1000.0) / 254.0
 CREST = math.sqrt(2.0)
 """Amplitude of a sine over the root of its mean square: of light, over what normals ripple by."""
 
-REGION_SHARE = 0.44
+REGION_SHARE = 0.48
 """Half a wavelength of what folding changes inside the surface, over the radius of the region of support, which reaches
 a ring of triangles farther than what is folded.
 
-This share and that below are those with which the independent observer does not see what is folded, from the true
+The one constant that is calibrated: with it the independent observer does not see what is folded, from the true
 distance, at the gaze and away from it (docs/observer.md)."""
-
-STRIP_SHARE = 0.5
-"""Half a wavelength of what folding changes along the silhouette, over the bound of how far the surface moves."""
-
 
 HIDDEN, INTERIOR, SILHOUETTE = 0, 1, 2
 
@@ -168,7 +164,7 @@ def _change_m(
     else:
         face = facing_of(mask, front, back, bx, by, bz, sine, spread_sines)
     # A surface moves along its normals; what an eye sees of that is across the line of sight.
-    moved = STRIP_SHARE * displacement * math.cos(max(abs(tilt) - half, 0.0))
+    moved = displacement * math.cos(max(abs(tilt) - half, 0.0))
     if face == HIDDEN and not _is_within(-bx, -by, -bz, sine, openings):
         return face, moved
     seen_m = 0.0
