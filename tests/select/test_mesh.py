@@ -258,7 +258,7 @@ def test_what_is_seen_through_a_hole_folds_as_late_as_the_front():
         top = foldable.tree.middle[:, 1] > 0.3
         assert (cut.faces[top] == HIDDEN).any()
         left.append(int((cut.state[foldable.tree.vertices : -1][top] == -1).sum()))
-    assert left[0] > 2 * left[1]
+    assert left[0] > left[1] > 0
 
 
 def test_a_mesh_of_several_parts_folds():

@@ -30,7 +30,7 @@ from limen.data.points_sample import Scanned, sample_points, scanned_hall
 from limen.data.points_tree import Lattice, arranged, chunks_of, hilbert_order, pack_points
 from limen.vision.luminance import Photometry
 
-__all__ = ["PointsRow", "bench_points"]
+__all__ = ["PeerRow", "bench_points"]
 
 Say = Callable[[str], None]
 
@@ -40,7 +40,7 @@ _PROGRAMS = {"QSplat": "qsplat_make", "PotreeConverter": "PotreeConverter"}
 """Peers that are programs, and what they are called."""
 
 
-class PointsRow(msgspec.Struct, frozen=True, kw_only=True):
+class PeerRow(msgspec.Struct, frozen=True, kw_only=True):
     """One figure. Rates of what runs in memory are of processor time, of one core."""
 
     what: str
@@ -54,7 +54,7 @@ class PointsRow(msgspec.Struct, frozen=True, kw_only=True):
         return (self.what, self.peer, f"{self.value:,.3g}", self.unit)
 
 
-def bench_points(quick: bool, say: Say, content: Path | None = None) -> list[PointsRow]:
+def bench_points(quick: bool, say: Say, content: Path | None = None) -> list[PeerRow]:
     """Rows of ``limen bench points``; ``content`` is a file to be made ready instead of the sample."""
     count = _QUICK_POINTS if quick else _POINTS
     for name, program in _PROGRAMS.items():
@@ -74,7 +74,7 @@ def bench_points(quick: bool, say: Say, content: Path | None = None) -> list[Poi
     return rows
 
 
-def _built(hall: Scanned, *, estimate: bool) -> Iterator[PointsRow]:
+def _built(hall: Scanned, *, estimate: bool) -> Iterator[PeerRow]:
     """What each part of building costs, and the whole; ``estimate``: normals are made instead of given."""
     count, times = len(hall.rgb), {}
 
@@ -98,12 +98,12 @@ def _built(hall: Scanned, *, estimate: bool) -> Iterator[PointsRow]:
     timed("contrasts", clock)
     how = "normals estimated" if estimate else "normals given"
     for part, seconds in times.items():
-        yield PointsRow(what=f"build, {how}: {part}", peer="limen", value=seconds / count * 1e9, unit="ns/point")
+        yield PeerRow(what=f"build, {how}: {part}", peer="limen", value=seconds / count * 1e9, unit="ns/point")
     whole = sum(times.values()) - times["packing"]
-    yield PointsRow(what=f"build in memory, {how}", peer="limen", value=count / whole / 1e6, unit="million points/s")
+    yield PeerRow(what=f"build in memory, {how}", peer="limen", value=count / whole / 1e6, unit="million points/s")
 
 
-def _peers(hall: Scanned) -> Iterator[PointsRow]:
+def _peers(hall: Scanned) -> Iterator[PeerRow]:
     """What others do with the same points: a sort alone, and a tree without colours, radii or contrasts."""
     count = len(hall.rgb)
     keys = np.empty(count, np.uint64)
@@ -117,16 +117,16 @@ def _peers(hall: Scanned) -> Iterator[PointsRow]:
         begin = time.process_time()
         way()
         value = count / (time.process_time() - begin) / 1e6
-        yield PointsRow(what=what, peer=peer, value=value, unit="million points/s")
+        yield PeerRow(what=what, peer=peer, value=value, unit="million points/s")
 
 
-def _ingested(path: Path, target: Path) -> Iterator[PointsRow]:
+def _ingested(path: Path, target: Path) -> Iterator[PeerRow]:
     cloud = open_cloud(path)
     begin = time.perf_counter()
     read = sum(len(batch.positions) for batch in cloud.batches(1_000_000))
     seconds = time.perf_counter() - begin
     what, reader = f"{path.name}: reading alone", "laspy" if cloud.format.startswith("LAS") else "limen"
-    yield PointsRow(what=what, peer=reader, value=read / seconds / 1e6, unit="million points/s")
+    yield PeerRow(what=what, peer=reader, value=read / seconds / 1e6, unit="million points/s")
     report = ingest_points(path, target)
     for what, value, unit in (
         ("made ready", report.size / report.seconds / 1e6, "million points/s"),
@@ -134,7 +134,7 @@ def _ingested(path: Path, target: Path) -> Iterator[PointsRow]:
         ("stored", report.bytes / report.size, "bytes/point"),
         ("a chunk read", _chunk_ms(Points.open(target)), "ms"),
     ):
-        yield PointsRow(what=f"{path.name}: {what}", peer="limen", value=value, unit=unit)
+        yield PeerRow(what=f"{path.name}: {what}", peer="limen", value=value, unit=unit)
 
 
 def _chunk_ms(points: Points) -> float:

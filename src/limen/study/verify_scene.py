@@ -36,7 +36,19 @@ from limen.study.verify import ALIKE, Judged, Trial
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 
-__all__ = ["GAZE_DEG", "Pose", "Subject", "check_one_panel", "judge_views", "monitor", "random_poses", "subject_of"]
+__all__ = [
+    "GAZE_DEG",
+    "Pose",
+    "Subject",
+    "check_one_panel",
+    "judge_views",
+    "monitor",
+    "pixels_per_degree",
+    "random_poses",
+    "random_windows",
+    "standing",
+    "subject_of",
+]
 
 GAZE_DEG = (0.0, 20.0, 40.0)
 """Angles between the gaze and the object's middle at which policies with gaze are tried, unless told otherwise."""
@@ -154,25 +166,38 @@ def judge_views(
         yield _View(subject, display.panels[0], viewer, pose, observer).all(trials)
 
 
+def pixels_per_degree(panel: Panel, viewer: Viewer) -> float:
+    """Of a panel, at its middle."""
+    distance_m = float(np.linalg.norm(np.asarray(panel.centre_m, dtype=float) - np.array(viewer.position_m)))
+    return 1 / math.degrees(math.atan(max(panel.pitch_m) / distance_m))
+
+
+def standing(bounds: NDArray[Any], panel: Panel, viewer: Viewer, pose: Pose) -> Floats:
+    """How an object of some bounds (2, 3) stands on or behind a panel: (4, 4), from its coordinates to the room.
+
+    In front of the panel's plane, it would not end at the panel's edges.
+    """
+    eye_m, middle_m = np.array(viewer.position_m), np.asarray(panel.centre_m, dtype=float)
+    distance_m = float(np.linalg.norm(middle_m - eye_m))
+    low, high = np.asarray(bounds, dtype=float)
+    scale = 2 * distance_m * math.tan(math.radians(pose.size_deg / 2)) / float((high - low).max())
+    behind_m = scale * float(np.linalg.norm(high - low)) / 2
+    grown = (distance_m + behind_m) / distance_m
+    stands = np.eye(4)
+    stands[:3, :3] = scale * grown * pose.turn
+    nearest_m = middle_m + (middle_m - eye_m) / distance_m * behind_m * grown
+    stands[:3, 3] = nearest_m - stands[:3, :3] @ ((low + high) / 2)
+    return stands
+
+
 class _View:
     """One pose; a trial's pictures are compared where it differs most, and at one random place."""
 
     def __init__(self, subject: Subject, panel: Panel, viewer: Viewer, pose: Pose, observer: Observer) -> None:
         self._subject, self._panel, self._viewer, self._pose, self._observer = subject, panel, viewer, pose, observer
-        eye_m = np.array(viewer.position_m)
         self._middle_m = np.asarray(panel.centre_m, dtype=float)
-        distance_m = float(np.linalg.norm(self._middle_m - eye_m))
-        self._per_degree = 1 / math.degrees(math.atan(max(panel.pitch_m) / distance_m))
-        low, high = np.asarray(subject.bounds, dtype=float)
-        scale = 2 * distance_m * math.tan(math.radians(pose.size_deg / 2)) / float((high - low).max())
-        self._stands = np.eye(4)
-        self._stands[:3, :3] = scale * pose.turn
-        # Its nearest side is on the panel's plane or behind it: in front, it would not end at the panel's edges.
-        behind_m = scale * float(np.linalg.norm(high - low)) / 2
-        ahead = (self._middle_m - eye_m) / distance_m
-        grown = (distance_m + behind_m) / distance_m
-        self._stands[:3, :3] *= grown
-        self._stands[:3, 3] = self._middle_m + ahead * behind_m * grown - self._stands[:3, :3] @ ((low + high) / 2)
+        self._per_degree = pixels_per_degree(panel, viewer)
+        self._stands = standing(subject.bounds, panel, viewer, pose)
         self._full = self._draw(_FULL, 0.0)
         self._again = self._draw(_FULL, 0.0)
 
@@ -224,12 +249,16 @@ class _View:
         return np.asarray(np.degrees(np.arccos(np.clip(sight @ gaze, -1, 1))).reshape(_SIDE, _SIDE))
 
     def _random_window(self, shown: NDArray[np.bool_]) -> tuple[int, int]:
-        """The corner of a window around a random pixel of the object."""
-        rows, columns = np.nonzero(shown)
-        if not len(rows):
-            return 0, 0
-        chosen = int(np.random.default_rng(self._pose.seed).integers(len(rows)))
-        return _inside(int(columns[chosen]), int(rows[chosen]), shown.shape)
+        return random_windows(shown, self._pose.seed)[0]
+
+
+def random_windows(shown: NDArray[np.bool_], seed: int, count: int = 1) -> list[tuple[int, int]]:
+    """Corners of windows around random pixels of what is shown, (H, W); the first corner of the picture if none is."""
+    rows, columns = np.nonzero(shown)
+    if not len(rows):
+        return [(0, 0)]
+    chosen = np.random.default_rng(seed).integers(len(rows), size=count).tolist()
+    return [_inside(int(columns[each]), int(rows[each]), shown.shape) for each in chosen]
 
 
 def _most(differs: NDArray[np.int64]) -> tuple[int, int]:

@@ -1,0 +1,61 @@
+"""Pictures of one mesh with as many triangles, each made in another way, side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from limen.data.partial import write_bytes
+from limen.study.bench_mesh import Seen
+from limen.study.plots import GREY, STYLE, Format, figure_bytes, format_of
+
+__all__ = ["mesh_picture", "mesh_plot"]
+
+_PART_PX = 360
+"""Of every picture's side: pixels remain pixels."""
+
+
+def mesh_plot(seen: Seen, path: str | Path) -> None:
+    """Draw `mesh_picture` to a .png or .svg file.
+
+    Raises
+    ------
+    InputError
+        If the name ends in neither.
+    StorageError
+        If the file cannot be written.
+    """
+    write_bytes(path, mesh_picture(seen, format_of(path)))
+
+
+def mesh_picture(seen: Seen, kind: Format = "png") -> bytes:
+    """The part in which pictures differ most from that of all triangles, of every way, and the verdict on the view."""
+    full = seen.pictures["all triangles"].astype(int)
+    others = [picture for maker, picture in seen.pictures.items() if maker != "all triangles"]
+    differs = sum(np.abs(picture - full).sum(axis=-1) for picture in others)
+    sums = np.cumsum(np.cumsum(np.pad(differs, ((1, 0), (1, 0))), axis=0), axis=1)
+    side = min(_PART_PX, *full.shape[:2])
+    inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+    row, column = np.unravel_index(int(inside.argmax()), inside.shape)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(2.6 * len(seen.pictures), 2.9), layout="constrained")
+        for axes, (maker, picture) in zip(
+            figure.subplots(1, len(seen.pictures), squeeze=False)[0], seen.pictures.items(), strict=True
+        ):
+            axes.imshow(picture[row : row + side, column : column + side], interpolation="nearest")
+            axes.set_axis_off()
+            axes.set_title(maker, fontsize=9)
+            if maker in seen.jod:
+                axes.text(
+                    0.5,
+                    -0.04,
+                    f"{seen.jod[maker]:.2f} JOD",
+                    transform=axes.transAxes,
+                    ha="center",
+                    va="top",
+                    color=GREY,
+                )
+        return figure_bytes(figure, kind)
