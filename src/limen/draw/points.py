@@ -17,7 +17,7 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.data.point_nodes import CHUNK_NODES, NODE
-from limen.draw.points_records import CHUNK_ROW, PLACED, chunk_row, cloud_row, ray_rows, stride_of
+from limen.draw.points_records import CHUNK_ROW, CLOUD, CLOUD_STRIDE, PLACED, chunk_row, cloud_rows, ray_rows, stride_of
 from limen.draw.views import view_rows
 from limen.errors import DeviceLimitError, InputError
 from limen.geometry import Floats
@@ -96,6 +96,7 @@ class PointsLayer:
         if self.method == "wide" and not device.has_wide_atomics:
             raise DeviceLimitError(f"{device.adapter_name} has no 64-bit atomics: leave out the method, or take narrow")
         self._device, self._background, self._round = device, background, int(shape == "round")
+        self.most_placed = device.max_binding_bytes // PLACED.itemsize
         usage = wgpu.BufferUsage
         self._buffers = {
             name: GrowingBuffer(device, f"points {name}", usage.UNIFORM if name == "cloud" else usage.STORAGE)
@@ -156,14 +157,15 @@ class PointsLayer:
             Valid until the next draw of a quilt of the same size and slot; ``None`` with a ``target``.
         """
         size = windows.quilt.size_px
-        self._write(windows, eye_m, np.asarray(room_from_cloud, dtype=float), pairs, lit=lit)
+        ends = [*range(self.most_placed, len(pairs), self.most_placed), len(pairs)]
+        self._write(windows, eye_m, np.asarray(room_from_cloud, dtype=float), pairs, ends, lit=lit)
         texture = None if target is not None else self._targets.texture(size, target_format, slot)
         view = texture.create_view() if texture is not None else target
         encoder = self._device.wgpu.create_command_encoder(label="points")
         words = 2 if self.method == "wide" else 1
         ids = self._buffers["ids"]
         ids.reserve(stride_of(size[0]) * size[1] * 4 * words)
-        self._find(encoder, size, len(pairs))
+        self._find(encoder, size, ends)
         render_pass = encoder.begin_render_pass(
             color_attachments=[{"view": view, "load_op": "clear", "store_op": "store"}]
         )
@@ -187,59 +189,74 @@ class PointsLayer:
     # ------------------------------------------------------------------ steps of a draw
 
     def _write(
-        self, windows: Windows, eye_m: Floats, room_from_cloud: Floats, pairs: NDArray[np.uint32], *, lit: bool
+        self,
+        windows: Windows,
+        eye_m: Floats,
+        room_from_cloud: Floats,
+        pairs: NDArray[np.uint32],
+        ends: Sequence[int],
+        *,
+        lit: bool,
     ) -> None:
         views = windows.seen_from(eye_m)
         way = room_from_cloud[:3].copy()
         way[:, 3] -= eye_m
         unit_m = float(np.sqrt(np.square(way[:, :3]).sum() / 3))
         buffers = self._buffers
-        row = cloud_row(windows, views, way, unit_m, pairs=len(pairs), lit=lit, background=self._background)
-        buffers["cloud"].write(row)
+        buffers["cloud"].write(cloud_rows(windows, views, way, unit_m, ends=ends, lit=lit, background=self._background))
         buffers["views"].write(view_rows([views], [np.array(0.0)], *windows.light))
         buffers["rays"].write(ray_rows(windows, views))
         buffers["pairs"].write(pairs)
-        buffers["placed"].reserve(max(len(pairs), 1) * PLACED.itemsize)
+        buffers["placed"].reserve(max(ends[0], 1) * PLACED.itemsize)
 
-    def _find(self, encoder: Any, size: tuple[int, int], pairs: int) -> None:
-        """Leave the nearest pair of every pixel in ``ids``."""
+    def _find(self, encoder: Any, size: tuple[int, int], ends: Sequence[int]) -> None:
+        """Leave the nearest pair of every pixel in ``ids``, in batches of what the adapter can hold of placed pairs."""
         ids = self._buffers["ids"]
         encoder.clear_buffer(ids.buffer)
-        if not pairs:
+        if not ends[-1]:
             return
-        self._compute(encoder, pairs, ["place"])
+        counts = np.diff([0, *ends]).tolist()
         if self.method == "quads":
-            self._draw_quads(encoder, size, pairs)
+            self._draw_quads(encoder, size, counts)
         elif self.method == "wide":
-            self._compute(encoder, pairs, ["nearest_wide"])
+            for batch, count in enumerate(counts):
+                self._compute(encoder, batch, count, ["place", "nearest_wide"])
         else:
             depths = self._buffers["depths"]
             depths.reserve(stride_of(size[0]) * size[1] * 4)
             encoder.clear_buffer(depths.buffer)
-            self._compute(encoder, pairs, ["nearest", "first_of_nearest"])
+            for batch, count in enumerate(counts):
+                self._compute(encoder, batch, count, ["place", "nearest"])
+            for batch, count in enumerate(counts):  # what one batch has placed is still there
+                again = ["place"] if len(counts) > 1 else []
+                self._compute(encoder, batch, count, [*again, "first_of_nearest"])
 
-    def _compute(self, encoder: Any, pairs: int, steps: Sequence[str]) -> None:
+    def _compute(self, encoder: Any, batch: int, count: int, steps: Sequence[str]) -> None:
         compute = encoder.begin_compute_pass()
         for step in steps:
             compute.set_pipeline(self._compute_pipeline(step))
-            compute.set_bind_group(0, self._group(step))
-            compute.dispatch_workgroups(-(-min(pairs, _ROW) // _GROUP), -(-pairs // _ROW), 1)
+            compute.set_bind_group(0, self._group(step, batch))
+            compute.dispatch_workgroups(-(-min(count, _ROW) // _GROUP), -(-count // _ROW), 1)
         compute.end()
 
-    def _draw_quads(self, encoder: Any, size: tuple[int, int], pairs: int) -> None:
-        found = self._targets.texture(size, _ID_FORMAT)
-        nothing = {"clear_value": (0, 0, 0, 0), "load_op": "clear", "store_op": "store"}
-        render_pass = encoder.begin_render_pass(
-            color_attachments=[{"view": found.create_view(), **nothing}],
-            depth_stencil_attachment={
-                "view": self._targets.texture(size, DEPTH_FORMAT).create_view(), "depth_clear_value": 0.0,
-                "depth_load_op": "clear", "depth_store_op": "discard",
-            },
-        )  # fmt: skip
-        render_pass.set_pipeline(self._quad_pipeline())
-        render_pass.set_bind_group(0, self._group("quad"))
-        render_pass.draw(6, pairs)
-        render_pass.end()
+    def _draw_quads(self, encoder: Any, size: tuple[int, int], counts: Sequence[int]) -> None:
+        found, depth = self._targets.texture(size, _ID_FORMAT), self._targets.texture(size, DEPTH_FORMAT)
+        for batch, count in enumerate(counts):
+            self._compute(encoder, batch, count, ["place"])
+            load = "clear" if batch == 0 else "load"
+            render_pass = encoder.begin_render_pass(
+                color_attachments=[
+                    {"view": found.create_view(), "clear_value": (0, 0, 0, 0), "load_op": load, "store_op": "store"}
+                ],
+                depth_stencil_attachment={
+                    "view": depth.create_view(), "depth_clear_value": 0.0, "depth_load_op": load,
+                    "depth_store_op": "store",
+                },
+            )  # fmt: skip
+            render_pass.set_pipeline(self._quad_pipeline())
+            render_pass.set_bind_group(0, self._group("quad", batch))
+            render_pass.draw(6, count)
+            render_pass.end()
         encoder.copy_texture_to_buffer(
             {"texture": found},
             {"buffer": self._buffers["ids"].buffer, "bytes_per_row": stride_of(size[0]) * 4, "rows_per_image": size[1]},
@@ -248,14 +265,18 @@ class PointsLayer:
 
     # ------------------------------------------------------------------ pipelines and bindings
 
-    def _group(self, step: str) -> Any:
+    def _group(self, step: str, batch: int = 0) -> Any:
+        spans = {"cloud": {"offset": batch * CLOUD_STRIDE, "size": CLOUD.itemsize}}
         names = {"placing": "placed", "firsts": "ids"}
         if step == "nearest_wide":
             names["depths"] = "ids"
         return self._device.wgpu.create_bind_group(
             layout=self._layouts[step],
             entries=[
-                {"binding": _NUMBERS[name], "resource": {"buffer": self._buffers[names.get(name, name)].buffer}}
+                {
+                    "binding": _NUMBERS[name],
+                    "resource": {"buffer": self._buffers[names.get(name, name)].buffer, **spans.get(name, {})},
+                }
                 for name in _BINDINGS[step]
             ],
         )

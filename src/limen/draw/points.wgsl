@@ -56,11 +56,12 @@ struct Cloud {
     least_cosine: f32,
     unit_m: f32,
     is_lit: u32,
-    pairs: u32,
+    // Where this batch of pairs begins and ends among all.
+    first: u32,
+    end: u32,
     stride: u32,
     width: u32,
     height: u32,
-    padding: u32,
 }
 
 // A splat on its panel. Pixels are two of 16 bits in a word, x in the lower.
@@ -206,8 +207,9 @@ fn extent(form: vec3<f32>, w: vec3<f32>, way: vec3<f32>, radius: f32) -> vec2<f3
 
 @compute @workgroup_size(128)
 fn place(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pair = id.x + id.y * ROW;
-    if pair >= cloud.pairs {
+    let row = id.x + id.y * ROW;
+    let pair = cloud.first + row;
+    if pair >= cloud.end {
         return;
     }
     let node = node_of(pairs[pair].x);
@@ -253,18 +255,19 @@ fn place(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    placing[pair] = out;
+    placing[row] = out;
 }
 
 // ---------------------------------------------------------------------------------------------------- 32 bits, two passes
 
 @compute @workgroup_size(128)
 fn nearest(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pair = id.x + id.y * ROW;
-    if pair >= cloud.pairs || placed[pair].depth == 0u {
+    let row = id.x + id.y * ROW;
+    let pair = cloud.first + row;
+    if pair >= cloud.end || placed[row].depth == 0u {
         return;
     }
-    let splat = placed[pair];
+    let splat = placed[row];
     let first = pixel_of(splat.first);
     let last = pixel_of(splat.last);
     for (var y = first.y; y <= last.y; y++) {
@@ -278,11 +281,12 @@ fn nearest(@builtin(global_invocation_id) id: vec3<u32>) {
 
 @compute @workgroup_size(128)
 fn first_of_nearest(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pair = id.x + id.y * ROW;
-    if pair >= cloud.pairs || placed[pair].depth == 0u {
+    let row = id.x + id.y * ROW;
+    let pair = cloud.first + row;
+    if pair >= cloud.end || placed[row].depth == 0u {
         return;
     }
-    let splat = placed[pair];
+    let splat = placed[row];
     let first = pixel_of(splat.first);
     let last = pixel_of(splat.last);
     for (var y = first.y; y <= last.y; y++) {
@@ -299,7 +303,7 @@ fn first_of_nearest(@builtin(global_invocation_id) id: vec3<u32>) {
 
 struct Quad {
     @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat) pair: u32,
+    @location(0) @interpolate(flat) row: u32,
 }
 
 struct Found {
@@ -308,8 +312,8 @@ struct Found {
 }
 
 @vertex
-fn quad(@builtin(vertex_index) corner: u32, @builtin(instance_index) pair: u32) -> Quad {
-    let splat = placed[pair];
+fn quad(@builtin(vertex_index) corner: u32, @builtin(instance_index) row: u32) -> Quad {
+    let splat = placed[row];
     let first = vec2<f32>(pixel_of(splat.first));
     let last = vec2<f32>(pixel_of(splat.last)) + 1.0;
     // Two triangles: corners 0 1 2, 2 1 3.
@@ -319,16 +323,16 @@ fn quad(@builtin(vertex_index) corner: u32, @builtin(instance_index) pair: u32) 
     let size = vec2(f32(cloud.width), f32(cloud.height));
     let ndc = vec2(at.x / size.x * 2.0 - 1.0, 1.0 - at.y / size.y * 2.0);
     let shown = splat.depth != 0u;
-    return Quad(vec4(select(vec2(2.0), ndc, shown), 0.5, 1.0), pair);
+    return Quad(vec4(select(vec2(2.0), ndc, shown), 0.5, 1.0), row);
 }
 
 @fragment
 fn found(in: Quad) -> Found {
-    let splat = placed[in.pair];
+    let splat = placed[in.row];
     if !covers(splat, vec2<u32>(in.position.xy)) {
         discard;
     }
-    return Found(NONE - in.pair, bitcast<f32>(splat.depth));
+    return Found(NONE - cloud.first - in.row, bitcast<f32>(splat.depth));
 }
 
 // ---------------------------------------------------------------------------------------------------- colouring

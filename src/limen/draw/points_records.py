@@ -5,6 +5,7 @@ The dtypes are the structs of ``points.wgsl``, field by field; a test compares t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -15,7 +16,7 @@ from limen.geometry import Floats
 from limen.select.lighting import AMBIENT, TOWARD_LIGHT
 from limen.view import PanelViews, Windows
 
-__all__ = ["CHUNK_ROW", "CLOUD", "PLACED", "RAYS", "chunk_row", "cloud_row", "ray_rows", "stride_of"]
+__all__ = ["CHUNK_ROW", "CLOUD", "CLOUD_STRIDE", "PLACED", "RAYS", "chunk_row", "cloud_rows", "ray_rows", "stride_of"]
 
 Rows: TypeAlias = NDArray[np.void]
 
@@ -39,13 +40,16 @@ CLOUD = np.dtype(
         ("least_cosine", "<f4"),
         ("unit_m", "<f4"),
         ("is_lit", "<u4"),
-        ("pairs", "<u4"),
+        ("first", "<u4"),
+        ("end", "<u4"),
         ("stride", "<u4"),
         ("width", "<u4"),
         ("height", "<u4"),
-        ("padding", "<u4"),
     ]
 )
+CLOUD_STRIDE = 256
+"""Bytes from one row to the next: where a uniform may begin on any adapter."""
+
 PLACED = np.dtype(
     [
         ("way", "<f4", 3),
@@ -86,29 +90,34 @@ def chunk_row(origin: NDArray[np.float32], step: float, radius: float) -> Rows:
     return row
 
 
-def cloud_row(
+def cloud_rows(
     windows: Windows,
     views: PanelViews,
     way_from_cloud: Floats,
     unit_m: float,
     *,
-    pairs: int,
+    ends: Sequence[int],
     lit: bool,
     background: tuple[float, float, float],
-) -> Rows:
-    """The one row of `CLOUD`.
+) -> NDArray[np.uint8]:
+    """A row of `CLOUD` for every batch of pairs, each followed by what is missing to `CLOUD_STRIDE` bytes: (B, stride).
 
     Parameters
     ----------
     way_from_cloud
         From the cloud's coordinates to the way from the eye, metres: (3, 4), a rotation times ``unit_m``, and a move.
+    ends
+        Where each batch ends, and so the next begins.
     """
-    row = np.zeros(1, CLOUD)
+    row = np.zeros(len(ends), CLOUD)
     row["way_from_cloud"] = way_from_cloud
-    row["normal_from_cloud"][0, :, :3] = way_from_cloud[:, :3] / unit_m
-    row["light"], row["background"][0, :3] = [*TOWARD_LIGHT, AMBIENT], background
+    row["normal_from_cloud"][:, :, :3] = way_from_cloud[:, :3] / unit_m
+    row["light"], row["background"][:, :3] = [*TOWARD_LIGHT, AMBIENT], background
     row["least_cosine"] = least_cosine([views], windows.light[1])
-    row["unit_m"], row["is_lit"], row["pairs"] = unit_m, lit, pairs
+    row["unit_m"], row["is_lit"] = unit_m, lit
+    row["first"], row["end"] = [0, *ends[:-1]], ends
     row["width"], row["height"] = windows.quilt.size_px
     row["stride"] = stride_of(windows.quilt.size_px[0])
-    return row
+    padded = np.zeros((len(ends), CLOUD_STRIDE), np.uint8)
+    padded[:, : CLOUD.itemsize] = row.view(np.uint8).reshape(len(ends), -1)
+    return padded

@@ -32,11 +32,12 @@ struct Cloud {
     least_cosine: f32,
     unit_m: f32,
     is_lit: u32,
-    pairs: u32,
+    // Where this batch of pairs begins and ends among all.
+    first: u32,
+    end: u32,
     stride: u32,
     width: u32,
     height: u32,
-    padding: u32,
 }
 
 struct Placed {
@@ -90,11 +91,12 @@ fn covers(splat: Placed, pixel: vec2<u32>) -> bool {
 
 @compute @workgroup_size(128)
 fn nearest_wide(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pair = id.x + id.y * ROW;
-    if pair >= cloud.pairs || placed[pair].depth == 0u {
+    let row = id.x + id.y * ROW;
+    let pair = cloud.first + row;
+    if pair >= cloud.end || placed[row].depth == 0u {
         return;
     }
-    let splat = placed[pair];
+    let splat = placed[row];
     let key = (u64(splat.depth) << 32u) | u64(NONE - pair);
     let first = pixel_of(splat.first);
     let last = pixel_of(splat.last);
