@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,15 @@ def test_up_and_turn_are_about_the_middle() -> None:
     np.testing.assert_allclose(upright @ [1.0, 1.0, 2.5, 1.0], [0, 0, 0, 1], atol=1e-12)
     turned = mesh_in_room(BOX, display, size_m=4.0, at_m=(0, 0, 0), turn_deg=90.0)
     np.testing.assert_allclose(turned[:3, :3] @ [1.0, 0, 0], [0, 0, -1], atol=1e-12)
+
+
+def test_what_is_tilted_shows_its_upper_side():
+    leaning = mesh_in_room(BOX, Display.preset("desktop"), size_m=2.0, at_m=(0, 0, 0), up="z", tilt_deg=40.0)
+    _, y, z = leaning[:3, :3] @ [0, 0, 1]
+    assert math.degrees(math.atan2(z, y)) == pytest.approx(40)
+    turned = mesh_in_room(BOX, Display.preset("desktop"), at_m=(0, 0, 0), turn_deg=70.0, tilt_deg=40.0)
+    _, y, z = turned[:3, :3] @ [0, 1, 0]
+    assert math.degrees(math.atan2(z, y)) == pytest.approx(40), "whatever way it is turned"
 
 
 def test_what_has_no_size_is_refused() -> None:

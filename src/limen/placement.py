@@ -281,6 +281,7 @@ def mesh_in_room(
     at_m: Vec3 | None = None,
     up: Literal["y", "z"] = "y",
     turn_deg: float = 0.0,
+    tilt_deg: float = 0.0,
 ) -> Floats:
     """Affine map from a mesh's coordinates to the room, metres, shape (4, 4).
 
@@ -298,6 +299,8 @@ def mesh_in_room(
         Which of the mesh's axes points up.
     turn_deg
         Turned about the vertical, counter-clockwise from above.
+    tilt_deg
+        Then tilted toward who stands before it: at 90 degrees it is seen from above.
 
     Raises
     ------
@@ -314,7 +317,9 @@ def mesh_in_room(
     frame = np.eye(3) if up == "y" else np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
     turn = math.radians(turn_deg)
     about = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
+    tilt = math.radians(tilt_deg)
+    leaning = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
     matrix = np.eye(4)
-    matrix[:3, :3] = about @ frame * (size / extent)
+    matrix[:3, :3] = leaning @ about @ frame * (size / extent)
     matrix[:3, 3] = np.array(middle if at_m is None else at_m) - matrix[:3, :3] @ ((low + high) / 2)
     return matrix

@@ -142,7 +142,12 @@ class PointsRenderer:
         max_quilt_px: int = _QUILT_PX,
     ) -> None:
         self.display, self.points = display, points
-        self.room_from_file: Floats = mesh_in_room(points.bounds, display) if room_from_file is None else room_from_file
+        stands = (
+            mesh_in_room(points.bounds, display, up=points.up, tilt_deg=points.tilt_deg)
+            if room_from_file is None
+            else room_from_file
+        )
+        self.room_from_file: Floats = stands
         self.lit = points.header.colours in _UNCOLOURED if lit is None else lit
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(

@@ -177,7 +177,11 @@ def _splats(device: Device, points: Points, asked: _Asked) -> dict[str, NDArray[
         raise InputError("points take the overlay 'panels' or 'simplified', and a (4, 4) placement")
     if asked.stereo != "none":
         raise InputError("points are drawn for one eye: leave out stereo")
-    stands = mesh_in_room(points.bounds, asked.whole) if placement is None else np.asarray(placement, dtype=float)
+    stands = (
+        mesh_in_room(points.bounds, asked.whole, up=points.up, tilt_deg=points.tilt_deg)
+        if placement is None
+        else np.asarray(placement, float)
+    )
     with PointsRenderer(device, asked.wanted, points, room_from_file=stands) as renderer:
         drawn = renderer.pictures(asked.viewers, asked.policy, overlay=overlay)
         return {name: picture.copy() for name, picture, _ in drawn}

@@ -122,11 +122,15 @@ class SceneSettings:
     up: Literal["y", "z"] = "y"
     turn_deg: float = 0.0
     background: tuple[float, float, float] = BACKGROUND
+    tilt_deg: float = 0.0
 
     def room_from_mesh(self, mesh: Bounded, display: Display, time_s: float = 0.0) -> Floats:
         """Where a mesh (or a cloud of points) stands at a time, shape (4, 4)."""
         turned = self.turn_deg + (_TURN_DEG_PER_S * time_s if self.animate == "turn" else 0.0)
-        return mesh_in_room(mesh.bounds, display, size_m=self.size_m, at_m=self.at_m, up=self.up, turn_deg=turned)
+        return mesh_in_room(
+            mesh.bounds, display, size_m=self.size_m, at_m=self.at_m, up=self.up, turn_deg=turned,
+            tilt_deg=self.tilt_deg,
+        )  # fmt: skip
 
     def standing_in(self, display: Display) -> SceneSettings:
         """The same with size and place as a whole display suggests them: parts of it then show parts of one scene."""

@@ -68,6 +68,13 @@ class MeshOptions:
         Literal["y", "z"] | None, Parameter(help="Which of the file's axes points up: y of a mesh, z of points.")
     ] = None
     turn_deg: Annotated[float, Parameter(allow_leading_hyphen=True, help="Turned about the vertical.")] = 0.0
+    tilt_deg: Annotated[
+        float | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="Tilted toward the viewer: 90 shows it from above. By default 40 for flat points.",
+        ),
+    ] = None
     animate: Annotated[Animation, Parameter(help="Deform it, or turn it, over the session's time.")] = "none"
     stereo: Annotated[
         Stereo,
@@ -84,11 +91,17 @@ class MeshOptions:
     ] = "panels"
     background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
 
-    def settings(self, display: Display | None, up: Literal["y", "z"] = "y") -> SceneSettings:
-        """The options as a scene's settings, for a whole display if there is one; ``up`` where they do not say."""
+    def settings(self, display: Display | None, up: Literal["y", "z"] = "y", tilt_deg: float = 0.0) -> SceneSettings:
+        """The options as a scene's settings, for a whole display if there is one.
+
+        ``up`` and ``tilt_deg`` are for where they do not say.
+        """
         at_m = place(self.at, "--at") if self.at else None
         background = _light_of(self.background) if self.background else BACKGROUND
-        settings = SceneSettings(self.stereo, self.animate, self.size_m, at_m, self.up or up, self.turn_deg, background)
+        tilt_deg = tilt_deg if self.tilt_deg is None else self.tilt_deg
+        settings = SceneSettings(
+            self.stereo, self.animate, self.size_m, at_m, self.up or up, self.turn_deg, background, tilt_deg
+        )
         return settings if display is None else settings.standing_in(display)
 
 

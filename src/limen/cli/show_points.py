@@ -64,7 +64,7 @@ def show_points(
 
     shown = asked.shown
     overlay: PointsOverlay = "panels" if asked.overlay == "panels" else "simplified"
-    settings = mesh.settings(asked.whole, up="y" if content.header.source is None else "z")
+    settings = mesh.settings(asked.whole, up=content.up, tilt_deg=content.tilt_deg)
     exhibit = PointsExhibit(content, settings, policy, options.lit, options.splats, overlay)
     if folder is None or shown is None:
         last = show_live(exhibit, asked, out)

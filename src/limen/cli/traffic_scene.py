@@ -35,7 +35,9 @@ def scene_traffic(
     """Count and print; the content stands where `limen show` puts it on the whole display."""
     from limen.study.scene_traffic import count_scene_traffic  # Zarr and SciPy take a second
 
-    settings = SceneSettings(up="y" if isinstance(content, Mesh) or content.header.source is None else "z")
+    settings = SceneSettings()
+    if not isinstance(content, Mesh):
+        settings = SceneSettings(up=content.up, tilt_deg=content.tilt_deg)
     stands = settings.standing_in(whole).room_from_mesh(content, whole)
     with out.progress(f"counting {'triangles' if isinstance(content, Mesh) else 'splats'}",
                       frames_of(sessions, rate_hz)) as step:  # fmt: skip

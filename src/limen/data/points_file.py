@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -18,6 +18,10 @@ from limen.errors import InputError
 from limen.geometry import Floats
 
 __all__ = ["Points", "PointsInfo", "is_points_folder"]
+
+
+_FLAT, _FLAT_TILT_DEG = 0.2, 40.0
+"""How high over its largest extent what is flat is at most, and how far it is tilted then."""
 
 
 class PointsInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -102,6 +106,17 @@ class Points:
     def bounds(self) -> Floats:
         """Lowest and highest coordinates of points, (2, 3), in the file's coordinates."""
         return np.array(self.header.bounds)
+
+    @property
+    def up(self) -> Literal["y", "z"]:
+        """Which of its axes points up: z of surveys, y of points that were made elsewhere."""
+        return "y" if self.header.source is None else "z"
+
+    @property
+    def tilt_deg(self) -> float:
+        """How far it leans toward viewers unless told: from the side nothing would be seen of a flat survey."""
+        extent = np.ptp(self.bounds, axis=0)
+        return _FLAT_TILT_DEG if extent["xyz".index(self.up)] < _FLAT * extent.max() else 0.0
 
     @property
     def origin(self) -> Floats:
