@@ -39,6 +39,18 @@ def test_complete_pictures_have_all_and_live_ones_begin_with_tops(device: Any) -
 
 
 @pytest.mark.gpu
+def test_a_budget_of_time_buys_what_fits(device: Any) -> None:
+    with PointsRenderer(device, DISPLAY, CLOUD, room_from_file=AT) as renderer:
+        list(renderer.pictures([VIEWER], Policy("full")))  # all chunks are there then
+        splats = {}
+        for most_ms in (0.01, 1e6):
+            policy = Policy("budget", most_ms=most_ms)
+            splats[most_ms] = [renderer.frame([VIEWER], policy).splats for _ in range(9)][-1]
+            assert renderer.frame([VIEWER], policy).policy.startswith(f"budget:{most_ms:g}ms")
+    assert splats[0.01] <= 500 < splats[1e6]
+
+
+@pytest.mark.gpu
 def test_with_room_for_one_chunk_the_rest_is_drawn_as_tops(device: Any) -> None:
     with PointsRenderer(device, DISPLAY, CLOUD, room_from_file=AT, gpu_bytes=CHUNK_BYTES) as renderer:
         ((_, picture, report),) = renderer.pictures([VIEWER], Policy("full"))

@@ -29,6 +29,7 @@ from limen.placement import mesh_in_room
 from limen.points_stream import CHUNK_BYTES, PointStream
 from limen.select.points import PointCut, PointTree, Sight, select_points
 from limen.select.shares import shares_of_codes
+from limen.select.throttle import Throttle
 from limen.tolerance import Policy, tolerance_of
 from limen.view import Windows, guard_of
 from limen.viewer import Viewer
@@ -163,6 +164,7 @@ class PointsRenderer:
             device, np.concatenate(points.tops), self._stream.slots, background=background, shape=shape, method=method
         )
         self._shares: dict[str, Floats] = {}
+        self._throttle = Throttle(len(self.quilts))
         self._reader = TextureReader(device)
 
     # ------------------------------------------------------------------ live
@@ -266,7 +268,7 @@ class PointsRenderer:
             windows = self._windows[quilt] = Windows(self.display, quilt, guard_px=guard_of(self.display, quilt))
         sight = Sight(
             windows.seen_from(viewers[0].position_m), self._room_from_cloud, tolerance_of(viewers, policy.eyesight),
-            policy, self._shares_of(policy), self.lit,
+            self._throttle.within(policy), self._shares_of(policy), self.lit,
         )  # fmt: skip
         cut = select_points(self._tree, self._stream.resident, sight)
         return _Chosen(quilt, windows, sight, cut, time.perf_counter() - begin, self._stream.generation)
@@ -336,6 +338,9 @@ class PointsRenderer:
             chosen.windows, views.eye_m, self._room_from_cloud, cut.pairs, lit=self.lit, overlay=overlay,
             target=target, target_format=target_format, slot=slot,
         )  # fmt: skip
+        if policy.most_ms is not None:
+            self._device.wait()
+            self._throttle.spent(policy, (chosen.select_s + time.perf_counter() - begin) * 1e3)
         return texture, PointsReport(
             time_s=viewers[0].time_s,
             policy=policy.label,

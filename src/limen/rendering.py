@@ -103,7 +103,7 @@ def render(
     NoAdapterError
         If there is no graphics adapter, not even a software one.
     """
-    chosen = policy if isinstance(policy, Policy) else Policy.parse(policy or "acuity", acuity_arcmin)
+    chosen = (policy if isinstance(policy, Policy) else Policy.parse(policy or "acuity", acuity_arcmin)).timeless
     wanted = display.select(panels)
     if scale != 1.0:
         wanted = wanted.scaled(scale)

@@ -30,6 +30,7 @@ from limen.gpu.device import Device
 from limen.placement import mesh_in_room
 from limen.select.mesh import Extent, Foldable, FoldSight, MeshCut, select_mesh
 from limen.select.shares import shares_of_codes
+from limen.select.throttle import Throttle
 from limen.tolerance import Policy, tolerance_of
 from limen.view import PanelViews, Windows, guard_of
 from limen.viewer import Viewer
@@ -179,6 +180,7 @@ class SceneRenderer:
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
         self._shares: Floats | None = None
         self._tinted = False
+        self._throttle = Throttle(len(self.quilts))
         self._reader = TextureReader(device)
 
     def move(self, mesh: Mesh) -> None:
@@ -326,6 +328,9 @@ class SceneRenderer:
         )
         if self._anaglyph is not None:
             texture = self._anaglyph.draw(texture, target=target, target_format=target_format, slot=slot)
+        if self.simplified is not None and self.simplified.policy.most_ms is not None:
+            self._device.wait()
+            self._throttle.spent(self.simplified.policy, (time.perf_counter() - begin) * 1e3)
         active = int(windows.facing(eyes_m[0]).sum())
         clock = (sorted_at - selected_at, time.perf_counter() - sorted_at)
         report = SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3)
@@ -344,7 +349,7 @@ class SceneRenderer:
         """Choose the triangles that are left; None where all are."""
         if self.simplified is None:
             return None
-        policy = self.simplified.policy
+        policy = self._throttle.within(self.simplified.policy)
         if policy.eyesight.name == "contrast" and self._shares is None:
             self._shares = shares_of_codes(self._whites)
         shares = self._shares if policy.eyesight.name == "contrast" and self._shares is not None else np.ones(256)

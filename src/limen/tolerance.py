@@ -30,7 +30,8 @@ for, those first whose absence is seen from farthest away. ``size``: as many, th
 VDSlib does: to be compared with. The last two are for meshes and points."""
 
 COUNTED = ("budget", "size")
-"""Policies that spend a number of triangles or splats; in text, it follows a colon (``budget:30000``)."""
+"""Policies that spend a number of triangles or splats; in text, it follows a colon (``budget:30000``), or of ``budget``
+a frame's time (``budget:12ms``)."""
 
 GAZE = "+gaze"
 """Appended to a policy's name: also what is too far from where the viewers look."""
@@ -57,6 +58,8 @@ class Policy:
         that look for the place where an omission becomes visible.
     most_items
         How many triangles or splats a policy of `COUNTED` may spend.
+    most_ms
+        Or how long a frame of the policy ``budget`` may take: renderers find out how many that are.
     """
 
     name: Literal["full", "acuity", "contrast", "scheel", "budget", "size"] = "acuity"
@@ -65,6 +68,7 @@ class Policy:
     distance_factor: float = 1.0
     head_slack_deg: float = HEAD_SLACK_DEG
     most_items: int | None = None
+    most_ms: float | None = None
 
     def __post_init__(self) -> None:
         acuity_from(self.acuity_arcmin)
@@ -76,10 +80,15 @@ class Policy:
 
     def _check_count(self) -> None:
         if self.name not in COUNTED:
-            if self.most_items is not None:
+            if self.most_items is not None or self.most_ms is not None:
                 raise InputError(
                     f"the policy {self.name} spends no number of triangles or splats: take budget for that"
                 )
+        elif self.most_ms is not None:
+            if self.name != "budget" or self.most_items is not None:
+                raise InputError("only the policy budget spends a time, and then no number: say budget:12ms")
+            if not 0 < self.most_ms < math.inf:
+                raise InputError(f"a frame must be let take more than 0 ms, got {self.most_ms:g}")
         elif self.most_items is None:
             raise InputError(f"how many triangles or splats may the policy {self.name} spend? Say {self.name}:30000")
         elif self.most_items < 1:
@@ -89,12 +98,14 @@ class Policy:
     def parse(cls, text: str, acuity_arcmin: str | float = HUMAN_ARCMIN, most_items: int | None = None) -> Policy:
         """A policy by name, with ``+gaze`` appended or not; ``snellen`` is short for ``acuity`` at one arcminute.
 
-        What `COUNTED` policies may spend follows a colon, or is ``most_items``.
+        What `COUNTED` policies may spend follows a colon, or is ``most_items``; of ``budget``, also milliseconds.
 
         >>> Policy.parse("acuity+gaze", "snellen").label
         "acuity+gaze 1'"
         >>> Policy.parse("budget+gaze:30000").most_items
         30000
+        >>> Policy.parse("budget:12.5ms").most_ms
+        12.5
 
         Raises
         ------
@@ -104,15 +115,19 @@ class Policy:
         named, colon, count = text.partition(":")
         base = named.removesuffix(GAZE)
         gaze = base != named
+        most_ms = None
         if colon:
-            if base not in COUNTED or not count.isdecimal():
-                raise InputError(f"'{text}' is no policy: a number follows budget or size alone, as in budget:30000")
-            most_items = int(count)
+            most_ms = _milliseconds(count)
+            if base not in COUNTED or (most_ms is None and not count.isdecimal()):
+                raise InputError(
+                    f"'{text}' is no policy: a number follows budget or size alone, as in budget:30000 or budget:12ms"
+                )
+            most_items = int(count) if most_ms is None else None
         match base:
             case "budget":
-                return cls(base, acuity_from(acuity_arcmin), gaze, most_items=most_items)
+                return cls(base, acuity_from(acuity_arcmin), gaze, most_items=most_items, most_ms=most_ms)
             case "size" if not gaze:
-                return cls(base, most_items=most_items)
+                return cls(base, most_items=most_items, most_ms=most_ms)
             case "full" | "scheel" if not gaze:
                 return cls(base)
             case "acuity" | "contrast":
@@ -125,18 +140,39 @@ class Policy:
         )
 
     @property
+    def timeless(self) -> Policy:
+        """The policy, where each frame is by itself.
+
+        Raises
+        ------
+        InputError
+            If it spends a time: how much fits one is found from frame to frame.
+        """
+        if self.most_ms is not None:
+            raise InputError(f"the policy {self.title} is for what is shown live: give a number here, as budget:30000")
+        return self
+
+    @property
     def eyesight(self) -> Policy:
         """The policy that says what viewers see, where this one spends a number of items by it; else itself."""
-        return replace(self, name="contrast", most_items=None) if self.name in COUNTED else self
+        return replace(self, name="contrast", most_items=None, most_ms=None) if self.name in COUNTED else self
 
     @property
     def title(self) -> str:
         """The name as people type it, without the acuity."""
-        return self.name + GAZE * self.gaze + (f":{self.most_items}" if self.name in COUNTED else "")
+        spent = f":{self.most_items}" if self.most_ms is None else f":{self.most_ms:g}ms"
+        return self.name + GAZE * self.gaze + (spent if self.name in COUNTED else "")
 
     @property
     def label(self) -> str:
         return self.title if self.name in ("full", "scheel", "size") else f"{self.title} {self.acuity_arcmin:g}'"
+
+
+def _milliseconds(text: str) -> float | None:
+    try:
+        return float(text.removesuffix("ms")) if text.endswith("ms") else None
+    except ValueError:
+        return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,8 @@ PolicyOption = Annotated[
         help="full: the ordinary mip level. acuity: also what distance hides. contrast: also what is too faint to be "
         "seen. snellen: acuity at 1 arcminute. With +gaze appended: also what is far from where the viewers look. "
         "scheel: of a terrain, what Scheel and others allow each panel. budget:N and size:N: of a mesh or points, the "
-        "N triangles or splats that are seen from farthest away, or that are the largest."
+        "N triangles or splats that are seen from farthest away, or that are the largest; budget:12ms: as many as that "
+        "takes to draw."
     ),
 ]
 AcuityOption = Annotated[str, Parameter(help="Smallest detail seen: arcminutes, 'human' (0.64) or 'snellen' (1).")]

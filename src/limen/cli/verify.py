@@ -110,7 +110,7 @@ def verify(
         format_of(plot)  # a wrong ending should not cost minutes of judging
     if strict and 1 not in (distance_factors or FACTORS):
         raise InputError("--strict judges the true distance: --distance-factors must hold 1")
-    chosen = [Policy.parse(name, acuity_arcmin) for name in policy or _POLICIES]
+    chosen = [Policy.parse(name, acuity_arcmin).timeless for name in policy or _POLICIES]
     opened = open_content(content)
     if not isinstance(opened, Image):
         if opened.kind == "terrain":

@@ -61,6 +61,13 @@ class Device:
     can_clip: bool = False
     has_wide_atomics: bool = False
 
+    def wait(self) -> None:
+        """Until everything that was submitted is done: what is read comes after it."""
+        # `queue.on_submitted_work_done_sync` of wgpu-py 0.32 fails: it hands over a callback of another kind.
+        mark = self.wgpu.create_buffer(label="mark", size=4, usage=wgpu.BufferUsage.COPY_SRC)
+        self.wgpu.queue.read_buffer(mark)
+        mark.destroy()
+
     def destroy(self) -> None:
         self.wgpu.destroy()
 

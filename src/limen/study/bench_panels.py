@@ -307,7 +307,7 @@ class _Scene:
         pairs = layer.sort(self.stage.windows, eye_m, self.room_from_mesh)
         middle, middle_cpu = time.perf_counter(), time.process_time()
         layer.draw(self.stage.windows)
-        self._wait(layer)
+        self.device.wait()
         end, end_cpu = time.perf_counter(), time.process_time()
         return pairs, _Times(middle - begin, end - begin, middle_cpu - begin_cpu, end_cpu - begin_cpu)
 
@@ -322,7 +322,7 @@ class _Scene:
         def timed(name: str, call: Callable[[], object]) -> None:
             begin = clock()
             call()
-            self._wait(layer)
+            self.device.wait()
             spent.setdefault(name, []).append((clock() - begin) * 1e3)
 
         windows = self.stage.windows
@@ -340,10 +340,6 @@ class _Scene:
             "drawing": medians["drawing"],
             "depth by fragments": max(medians["shared"] - medians["drawing"], 0.0),
         }
-
-    def _wait(self, layer: SceneLayer) -> None:
-        """Until everything that was submitted is done: what is read comes after it."""
-        self.device.wgpu.queue.read_buffer(layer.sorter.buffers["counters"].buffer, size=4)
 
 
 def _filled(row: PanelsRow, times: list[_Times], pairs: int | None, *, by_cpu: bool) -> PanelsRow:

@@ -216,7 +216,7 @@ def policies_of(names: Iterable[str], acuities: Iterable[str | float]) -> tuple[
         if name.removesuffix(GAZE) in POLICIES and name != "full":
             found += [Policy.parse(name, value) for value in values]
         else:
-            found.append(Policy.parse(name))
+            found.append(Policy.parse(name).timeless)
     if not found:
         raise InputError("no policy to count: give --policy, and --acuity-arcmin for those that need it")
     return tuple(dict.fromkeys(found))
