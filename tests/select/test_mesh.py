@@ -153,7 +153,7 @@ def test_no_silhouette_is_missed(seed):
     toward = rng.normal(size=3)
     sine = float(rng.uniform(0, SPREAD_SINES[-1]))
     masks = facing_masks()
-    facing = facing_of(mask, masks.front, masks.back, *toward, sine, SPREAD_SINES)
+    facing = facing_of(mask[None], 0, masks.front, masks.back, *toward, sine, SPREAD_SINES)
     unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     tilt = np.arcsin(np.clip(unit @ toward / np.linalg.norm(toward), -1, 1))
     margin = math.asin(sine)

@@ -29,7 +29,7 @@ distance, at the gaze and away from it (docs/observer.md)."""
 HIDDEN, INTERIOR, SILHOUETTE = 0, 1, 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def direction_of(x, y, z):
     """The cell of directions, `DIRECTIONS` along a side of a face, that a way lies in: counted as cells of normals."""
     ax, ay, az = abs(x), abs(y), abs(z)
@@ -50,8 +50,8 @@ def direction_of(x, y, z):
     return face * DIRECTIONS * DIRECTIONS + row * DIRECTIONS + column
 
 
-@njit(cache=True, nogil=True)
-def facing_of(mask, front, back, x, y, z, sine, spread_sines):
+@njit(cache=True, nogil=True, error_model="numpy")
+def facing_of(mask, row, front, back, x, y, z, sine, spread_sines):
     """`HIDDEN`, `INTERIOR` or `SILHOUETTE`, for a node seen along ``x, y, z``: to the eye, in the mesh's coordinates.
 
     ``sine`` of the angle within which all of it is seen; wider than the widest spread, anything may be.
@@ -64,14 +64,14 @@ def facing_of(mask, front, back, x, y, z, sine, spread_sines):
     cell = direction_of(x, y, z)
     faces, hides = False, False
     for word in range(6):
-        faces = faces or (mask[word] & front[spread, cell, word]) != 0
-        hides = hides or (mask[word] & back[spread, cell, word]) != 0
+        faces = faces or (mask[row, word] & front[spread, cell, word]) != 0
+        hides = hides or (mask[row, word] & back[spread, cell, word]) != 0
     if faces and hides:
         return SILHOUETTE
     return INTERIOR if faces else HIDDEN
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _is_within(x, y, z, sine, cones):
     """Whether a sphere that is seen along ``x, y, z``, of a sine of half its angle, meets any of some cones."""
     length = math.sqrt(x * x + y * y + z * z)
@@ -82,7 +82,7 @@ def _is_within(x, y, z, sine, cones):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
     """The contrast code of a proxy's light against that of normals within ``spread`` radians of its own.
 
@@ -106,7 +106,7 @@ def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
     return min(255, math.ceil(math.log(combined / 0.001) / _CODE_STEP - 1e-9) + 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
     """The contrast code of light that ripples as normals do, by ``ripple`` radians about a steady bend in the mean.
 
@@ -134,10 +134,10 @@ def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
     return min(255, math.ceil(math.log(amplitude / 0.001) / _CODE_STEP - 1e-9) + 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _change_m(
-    x, y, z, reach, normal, code, displacement, spread, ripple, mask, front, back, spread_sines, place, normals_in_room,
-    light, shares, by_displacement, openings,
+    x, y, z, reach, nx, ny, nz, code, displacement, spread, ripple, mask, inner, front, back, spread_sines, place,
+    normals_in_room, light, shares, by_displacement, openings,
 ):  # fmt: skip
     """How a node is seen from an eye at 0, and the largest length that would be invisible at full contrast if what
     folding changes is: (face, metres).
@@ -148,43 +148,52 @@ def _change_m(
     away = math.sqrt(x * x + y * y + z * z)
     if away <= reach:
         return SILHOUETTE, 2.0 * reach
-    sine = reach / away
-    rx = normals_in_room[0, 0] * normal[0] + normals_in_room[0, 1] * normal[1] + normals_in_room[0, 2] * normal[2]
-    ry = normals_in_room[1, 0] * normal[0] + normals_in_room[1, 1] * normal[1] + normals_in_room[1, 2] * normal[2]
-    rz = normals_in_room[2, 0] * normal[0] + normals_in_room[2, 1] * normal[1] + normals_in_room[2, 2] * normal[2]
+    rx = normals_in_room[0, 0] * nx + normals_in_room[0, 1] * ny + normals_in_room[0, 2] * nz
+    ry = normals_in_room[1, 0] * nx + normals_in_room[1, 1] * ny + normals_in_room[1, 2] * nz
+    rz = normals_in_room[2, 0] * nx + normals_in_room[2, 1] * ny + normals_in_room[2, 2] * nz
     ex, ey, ez = -x / away, -y / away, -z / away
     toward_eye = min(max(rx * ex + ry * ey + rz * ez, -1.0), 1.0)
-    tilt, half = math.asin(toward_eye), spread + math.asin(sine)
+    # Half is the angle of the cone of normals and of the cone in which the region is seen. All by sines and cosines:
+    # inverse functions took most of a cut's time.
+    sine = reach / away
+    cosine = math.sqrt(1.0 - sine * sine)
+    sine_half = math.sin(spread) * cosine + math.cos(spread) * sine
+    cosine_half = math.cos(spread) * cosine - math.sin(spread) * sine
+    tilt, level = abs(toward_eye), math.sqrt(1.0 - toward_eye * toward_eye)
     # The way back to the eye in the mesh's coordinates: the transposed map, which only turns and scales.
     bx = -(place[0, 0] * x + place[1, 0] * y + place[2, 0] * z)
     by = -(place[0, 1] * x + place[1, 1] * y + place[2, 1] * z)
     bz = -(place[0, 2] * x + place[1, 2] * y + place[2, 2] * z)
-    if abs(tilt) > half:
-        face = INTERIOR if tilt > 0.0 else HIDDEN
-    else:
-        face = facing_of(mask, front, back, bx, by, bz, sine, spread_sines)
     # A surface moves along its normals; what an eye sees of that is across the line of sight.
-    moved = displacement * math.cos(max(abs(tilt) - half, 0.0))
+    moved = displacement
+    if cosine_half > 0.0 and tilt > sine_half:
+        face = INTERIOR if toward_eye > 0.0 else HIDDEN
+        moved *= level * cosine_half + tilt * sine_half
+    else:
+        face = facing_of(mask, inner, front, back, bx, by, bz, sine, spread_sines)
     if face == HIDDEN and not _is_within(-bx, -by, -bz, sine, openings):
         return face, moved
-    seen_m = 0.0
-    if face == SILHOUETTE:
-        seen_m = moved if by_displacement else 2.0 * reach
     toward_light = rx * light[0] + ry * light[1] + rz * light[2]
-    whole = code
-    if light[4] != 0.0:
-        whole = shading_code(code, toward_light, toward_eye, spread, math.asin(sine), light[3])
     if not by_displacement:
-        return face, max(seen_m, 2.0 * reach * shares[whole])
-    seen_m = max(seen_m, moved * shares[whole])
-    if light[4] != 0.0:
-        code = ripple_code(code, ripple, rx, ry, rz, ex, ey, ez, light)
+        if light[4] != 0.0:
+            code = shading_code(code, toward_light, toward_eye, spread, math.asin(sine), light[3])
+        return face, 2.0 * reach * (1.0 if face == SILHOUETTE else shares[code])
     # Seen at a slant, what changes is so much narrower one way.
-    slant = math.sin(min(abs(tilt) + half, 0.5 * math.pi))
-    return face, max(seen_m, REGION_SHARE * reach * slant * shares[code])
+    slant = 1.0
+    if cosine_half > 0.0 and tilt < cosine_half:
+        slant = tilt * cosine_half + level * sine_half
+    ripples = code
+    if light[4] != 0.0:
+        ripples = ripple_code(code, ripple, rx, ry, rz, ex, ey, ez, light)
+    seen_m = REGION_SHARE * reach * slant * shares[ripples]
+    if face == SILHOUETTE or moved <= seen_m:
+        return face, max(seen_m, moved) if face == SILHOUETTE else seen_m
+    if light[4] != 0.0:
+        code = shading_code(code, toward_light, toward_eye, spread, math.asin(sine), light[3])
+    return face, max(seen_m, moved * shares[code])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fold(
     parent, vertices, normal, middle, radius, displacement, contrast, spread, ripple, mask, lost, front, back,
     spread_sines, panels, eyes, place, size, normals_in_room, light, shares, mode, by_displacement, openings, limit,
@@ -256,9 +265,9 @@ def fold(
             k = pixels
             if mode == 1:
                 faces[inner], seen_m = _change_m(
-                    x, y, z, reach, normal[node], np.int64(contrast[inner]), displacement[inner] * size, spread[inner],
-                    ripple[inner], mask[inner], front, back, spread_sines, place, normals_in_room, light, shares,
-                    by_displacement, openings,
+                    x, y, z, reach, normal[node, 0], normal[node, 1], normal[node, 2], np.int64(contrast[inner]),
+                    displacement[inner] * size, spread[inner], ripple[inner], mask, inner, front, back, spread_sines,
+                    place, normals_in_room, light, shares, by_displacement, openings,
                 )  # fmt: skip
                 if seen_m == 0.0:
                     k = 0.0
@@ -283,7 +292,7 @@ def fold(
     return left, asked, largest, widest
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def count_left(dies_at, state, begin, end):
     """How many of the triangles ``begin`` to ``end`` are left: those whose node is not folded, nor any above."""
     count = 0
@@ -292,7 +301,7 @@ def count_left(dies_at, state, begin, end):
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def emit(triangles, dies_at, state, begin, end, first, out):
     """Write the corners' proxies of the triangles that are left, from row ``first`` of ``out`` on."""
     row = first
@@ -303,7 +312,7 @@ def emit(triangles, dies_at, state, begin, end, first, out):
             row += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def deaths(triangles, parent, dies_at, lost):
     """The node of every triangle that takes two of its corners together first, into ``dies_at`` (T,); `lost` counts.
 
@@ -337,7 +346,7 @@ def deaths(triangles, parent, dies_at, lost):
         lost[dies_at[triangle]] += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def spreads(triangles, parent, vertices, place, normal, cosine):
     """The smallest cosine between a proxy's normal and any normal in its region, into ``cosine`` (N - V,).
 

@@ -36,7 +36,7 @@ _BEGIN = np.array(LEVEL_BEGIN, np.int64)
 _CODE_STEP = math.log(1000.0) / 254.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _least_allowed_m(x, y, z, radius, eyes):
     """The largest length that nobody sees at the nearest place of a sphere."""
     least = math.inf
@@ -55,7 +55,7 @@ def _least_allowed_m(x, y, z, radius, eyes):
     return least
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _is_outside(x, y, z, radius, panel):
     for edge in range(8):
         if panel[3 * edge] * x + panel[3 * edge + 1] * y + panel[3 * edge + 2] * z < -radius:
@@ -63,14 +63,14 @@ def _is_outside(x, y, z, radius, panel):
     return panel[24] * x + panel[25] * y + panel[26] * z < -radius
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _pixels(x, y, z, radius, panel):
     """The diameter of a sphere on the panel, as it is nearest."""
     deep = panel[24] * x + panel[25] * y + panel[26] * z - radius
     return math.inf if deep <= 0.0 else 2.0 * radius * panel[27] / deep
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _lit_range(cosine, spread, two_sided):
     """Least and largest of a cosine over directions up to ``spread`` radians around one of that cosine."""
     angle = math.acos(min(max(cosine, -1.0), 1.0))
@@ -83,7 +83,7 @@ def _lit_range(cosine, spread, two_sided):
     return max(low, 0.0), max(high, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _lit_code(code, nx, ny, nz, half, toward, margin, light):
     """The contrast code of a node whose normals are lit differently: half by the fixed light, half by the viewer's."""
     direct = nx * light[0] + ny * light[1] + nz * light[2]
@@ -103,7 +103,7 @@ def _lit_code(code, nx, ny, nz, half, toward, margin, light):
     return min(255, math.ceil(math.log(combined / 0.001) / _CODE_STEP - 1e-9) + 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _normal(u, v):
     """Unit vector of an octahedral code, see `limen.data.point_nodes.unpacked_normal`."""
     x, y = u / 127.0, v / 127.0
@@ -115,7 +115,7 @@ def _normal(u, v):
     return x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def judged(x, y, z, radius, u, v, cone, code, panel, eyes, place, size, light, shares, mode, two_sided):
     """Whether a sphere is to be skipped, and its ``k``; negative: it is skipped.
 
@@ -152,7 +152,7 @@ def judged(x, y, z, radius, u, v, cone, code, panel, eyes, place, size, light, s
     return pixels if allowed <= 0.0 else min(pixels, seen / allowed)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def bin_of(k):
     """Which of `BINS` logarithmic bins a ``k`` falls into: bin ``b`` holds what is above ``2 ** (b / 8 - 8)``."""
     if k <= 2.0**LOWEST_OCTAVE:
@@ -162,7 +162,7 @@ def bin_of(k):
     return min(BINS - 1, max(0, math.ceil((math.log2(k) - LOWEST_OCTAVE) * BINS_PER_OCTAVE) - 1))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def cut_tops(
     level_first, level_count, root, places, radii, small, panel, eyes, place, size, light, shares, mode, two_sided,
     limit, slots, drawn, opened, opened_k, wanted_k, histogram,
@@ -240,7 +240,7 @@ def cut_tops(
     return draws, opens, visits, largest, widest
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def cut_chunks(
     chunks, chunk_k, begin, end, slots, points, origins, steps, largest_radii, radius_of_code, words, panel, eyes,
     place, size, light, shares, mode, two_sided, limit, drawn, histogram,
