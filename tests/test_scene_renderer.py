@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from limen import scene
 from limen.camera import Camera
 from limen.data.mesh import Mesh
 from limen.data.mesh_sample import torus_knot
+from limen.data.tree_build import build_vertex_tree
 from limen.display.display import Display
 from limen.errors import DeviceLimitError, InputError
+from limen.scene import SceneRenderer
+from limen.select.mesh import Foldable, select_mesh
+from limen.tolerance import Policy
 from limen.viewer import Viewer
 
 pytestmark = pytest.mark.gpu
@@ -138,3 +143,28 @@ def test_wherever_a_viewer_stands_there_are_pictures(device: Any, mesh: Mesh, wa
             seen = pictures(renderer, Viewer(place))
             assert len(seen) == 24
             assert any(picture.any() for picture in seen.values()) == lit, place
+
+
+def test_a_cut_is_chosen_anew_only_when_something_moves(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    knot = torus_knot(3000)
+    chosen: list[int] = []
+
+    def counted(*args: Any, **kwargs: Any) -> Any:
+        chosen.append(1)
+        return select_mesh(*args, **kwargs)
+
+    monkeypatch.setattr(scene, "select_mesh", counted)
+    simplified = scene.Simplified(Foldable(build_vertex_tree(knot)), Policy.parse("contrast+gaze"))
+    with SceneRenderer(device, Display.window((160, 120)), knot, simplified=simplified) as renderer:
+        viewer = Viewer((0.0, 0.0, 3.0), gaze=(0.0, 0.0, -1.0))
+        first = [picture.copy() for _, picture, _ in renderer.pictures(viewer)]
+        again = [picture.copy() for _, picture, _ in renderer.pictures(replace(viewer, time_s=1.0))]
+        assert len(chosen) == 1
+        np.testing.assert_array_equal(first, again)
+        looks = [replace(viewer, gaze=(0.6, 0.0, -0.8)), replace(viewer, position_m=(0.0, 0.1, 3.0)), viewer]
+        counts = [next(iter(renderer.pictures(look)))[2].left for look in looks]
+        assert len(chosen) == 4
+        assert counts[2] > counts[0]
+        renderer.room_from_mesh = renderer.room_from_mesh @ np.diag([0.5, 0.5, 0.5, 1.0])
+        assert next(iter(renderer.pictures(viewer)))[2].left < counts[2]
+        assert len(chosen) == 5

@@ -180,6 +180,7 @@ class SceneRenderer:
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
         self._shares: Floats | None = None
         self._tinted = False
+        self._last: tuple[Any, MeshCut] | None = None
         self._throttle = Throttle(len(self.quilts))
         self._reader = TextureReader(device)
 
@@ -316,7 +317,7 @@ class SceneRenderer:
         everybody = [viewers] if isinstance(viewers, Viewer) else list(viewers)
         viewer = everybody[0]
         eyes_m = self._eyes(viewer)
-        cut = self._cut([windows.seen_from(eye, copy) for copy, eye in enumerate(eyes_m)], everybody, overlay)
+        cut = self._cut(quilt, [windows.seen_from(eye, copy) for copy, eye in enumerate(eyes_m)], everybody, overlay)
         selected_at = time.perf_counter()
         forward = np.repeat(np.array([viewer.direction]), len(eyes_m), axis=0)
         triangles = self._layer.sort(windows, eyes_m, self.room_from_mesh, forward=forward)
@@ -344,7 +345,7 @@ class SceneRenderer:
         return _Drawn(quilt, texture, report)
 
     def _cut(
-        self, views: Sequence[PanelViews], viewers: Sequence[Viewer], overlay: SceneOverlay | None
+        self, quilt: Quilt, views: Sequence[PanelViews], viewers: Sequence[Viewer], overlay: SceneOverlay | None
     ) -> MeshCut | None:
         """Choose the triangles that are left; None where all are."""
         if self.simplified is None:
@@ -353,12 +354,16 @@ class SceneRenderer:
         if policy.eyesight.name == "contrast" and self._shares is None:
             self._shares = shares_of_codes(self._whites)
         shares = self._shares if policy.eyesight.name == "contrast" and self._shares is not None else np.ones(256)
-        sight = FoldSight(
-            tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight), policy, shares,
-            self.simplified.extent,
-        )  # fmt: skip
-        cut = select_mesh(self.simplified.foldable, sight)
-        self._layer.choose(cut.triangles)
+        everybody = tuple(replace(each, time_s=0.0) for each in viewers)
+        asked = (quilt, everybody, policy, self.simplified, np.asarray(self.room_from_mesh, dtype=float).tobytes())
+        if self._last is None or self._last[0] != asked:  # nothing has moved: the cut is that of the frame before
+            sight = FoldSight(
+                tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight), policy, shares,
+                self.simplified.extent,
+            )  # fmt: skip
+            self._last = asked, select_mesh(self.simplified.foldable, sight)
+            self._layer.choose(self._last[1].triangles)
+        cut = self._last[1]
         if overlay == "simplified" or self._tinted:
             self._tinted = overlay == "simplified"
             colours = fold_colours(self.simplified.foldable, cut) if self._tinted else self._nodes.colours
