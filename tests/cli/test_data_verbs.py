@@ -87,7 +87,7 @@ def test_points_are_made_told_and_made_ready(capsys, tmp_path):
         (["ingest", "p.laz", "q.points", "--quality", "50"], "--quality"),
         (["sample", "points", "q.laz", "--aspect", "2"], "--size says how many points"),
         (["sample", "points", "q.xyz"], "ends in .las, .laz or .ply"),
-        (["bench", "image", "--content", "p.laz"], "'terrain' and 'points'"),
+        (["bench", "image", "--content", "p.laz"], "'terrain', 'points' and 'mesh'"),
     ],
 )
 def test_what_is_not_for_points_is_said(capsys, tmp_path, monkeypatch, words, says):
