@@ -159,9 +159,9 @@ def _mesh_pictures(device: Device, mesh: Mesh, asked: _Asked) -> dict[str, NDArr
     stands = mesh_in_room(mesh.bounds, asked.whole) if placement is None else np.asarray(placement, dtype=float)
     simplified = None
     if asked.policy.name != "full":
-        from limen.data.tree_build import build_vertex_tree  # Numba and SciPy take a second
+        from limen.data.mesh_folder import tree_of  # Numba and SciPy take a second
 
-        simplified = Simplified(Foldable(build_vertex_tree(mesh)), asked.policy)
+        simplified = Simplified(Foldable(tree_of(mesh)), asked.policy)
     with SceneRenderer(
         device, asked.wanted, mesh, room_from_mesh=stands, stereo=asked.stereo, simplified=simplified
     ) as scene:

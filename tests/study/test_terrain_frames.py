@@ -233,7 +233,10 @@ def test_the_command(dem: Path, monkeypatch: Any, capsys: Any) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["panels", "--content", "dem.tif"], "--content is for the benchmarks 'terrain', 'points' and 'mesh', not 'panels'"),
+        (
+            ["panels", "--content", "dem.tif"],
+            "for the benchmarks 'terrain', 'points' and 'mesh', not 'panels'",
+        ),
         (["terrain", "--crop", "0,0,9,9"], "--crop takes part of a DEM: name it with --content"),
         (["terrain", "--content", "dem.tif", "--crop", "0,0,9"], "give ROW,COLUMN,ROWS,COLUMNS"),
     ],

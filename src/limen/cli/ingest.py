@@ -1,4 +1,4 @@
-"""``limen ingest``: make an image, a terrain or points ready."""
+"""``limen ingest``: make an image, a terrain, points or a mesh ready."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import limen.data
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
+from limen.data.mesh_file import is_mesh
 from limen.errors import InputError
 
 __all__ = ["ingest"]
@@ -25,17 +26,17 @@ def ingest(
     spacing_m: float | None = None,
     common: Common = DEFAULT,
 ) -> None:
-    """Make an image, a terrain or points ready: a tiled TIFF with all reduced levels, or a folder that holds theirs.
+    """Make an image, a terrain, points or a mesh ready: a tiled TIFF with all reduced levels, or a folder of its own.
 
-    Memory stays bounded for any size. DST appears only when it is complete.
+    Memory stays bounded for any size, but of a mesh. DST appears only when it is complete.
 
     Parameters
     ----------
     src
         Any image that can be read, a raster of heights (GeoTIFF, COG, VRT, HGT, ASC, ...), or a cloud of points (LAS,
-        LAZ, COPC, E57, PLY without faces).
+        LAZ, COPC, E57, PLY without faces), or a mesh (PLY, OBJ, GLB, STL, ...).
     dst
-        What to write: NAME.tif for an image, NAME.terrain for heights, NAME.points for points.
+        What to write: NAME.tif for an image, NAME.terrain for heights, NAME.points for points, NAME.mesh for a mesh.
     quality
         Of an image's JPEG tiles, 1 to 100.
     subsampling
@@ -47,8 +48,8 @@ def ingest(
     """
     out = Output(common)
     kind = dst.suffix.lower()
-    if kind in (".terrain", ".points") and (quality, subsampling) != (_QUALITY, _SUBSAMPLING):
-        raise InputError("--quality and --subsampling are of images; heights and points are kept as they are")
+    if kind in (".terrain", ".points", ".mesh") and (quality, subsampling) != (_QUALITY, _SUBSAMPLING):
+        raise InputError("--quality and --subsampling are of images; anything else is kept as it is")
     if kind == ".terrain":
         _terrain(out, src, dst, band, spacing_m)
         return
@@ -57,10 +58,15 @@ def ingest(
     if kind == ".points":
         _points(out, src, dst)
         return
+    if kind == ".mesh":
+        _mesh(out, src, dst)
+        return
     if is_points(src):
         raise InputError(f"{src}: holds points; to make them ready, name DST so: {dst.with_suffix('.points')}")
     if is_terrain(src):
         raise InputError(f"{src}: holds heights; to make a terrain of it, name DST so: {dst.with_suffix('.terrain')}")
+    if is_mesh(src):
+        raise InputError(f"{src}: holds a mesh; to make it ready, name DST so: {dst.with_suffix('.mesh')}")
     with out.progress(f"reading {src.name}", 1000) as step:
         report = limen.data.ingest(
             src, dst, quality=quality, subsampling=subsampling, progress=lambda done: step.to(round(1000 * done))
@@ -95,4 +101,15 @@ def _points(out: Output, src: Path, dst: Path) -> None:
     out.line(
         f"{report.path}: {report.size:,} points in {report.chunks:,} chunks, {report.bytes:,} bytes, "
         f"in {report.seconds:.1f} s with {report.peak_rss_mib:.0f} MiB"
+    )
+
+
+def _mesh(out: Output, src: Path, dst: Path) -> None:
+    with out.progress(f"reading {src.name}", 1) as step:
+        report = limen.data.ingest_mesh(src, dst)
+        step(1)
+    out.result(report)
+    out.line(
+        f"{report.path}: {report.size:,} triangles, {report.vertices:,} vertices in a tree of {report.nodes:,} nodes, "
+        f"{report.bytes:,} bytes, in {report.seconds:.1f} s with {report.peak_rss_mib:.0f} MiB"
     )

@@ -222,10 +222,10 @@ def simplified_mesh(out: Output, mesh: Mesh, policy: Policy) -> Simplified | Non
     """What decides which triangles are left, for a policy that may leave out some."""
     if policy.name == "full":
         return None
-    from limen.data.tree_build import build_vertex_tree  # Numba and SciPy take a second
+    from limen.data.mesh_folder import tree_of  # Numba and SciPy take a second
 
     with out.progress("joining vertices to a tree", 1) as step:
-        foldable = Foldable(build_vertex_tree(mesh))
+        foldable = Foldable(tree_of(mesh))
         step(1)
     return Simplified(foldable, policy)
 

@@ -15,8 +15,7 @@ from limen.cli.traffic_scene import scene_traffic
 from limen.cli.traffic_terrain import terrain_traffic
 from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
-from limen.data.image import existing_file
-from limen.data.mesh_file import mesh_type
+from limen.data.mesh_file import is_mesh
 from limen.data.opening import open_picture
 from limen.display.display import Display
 from limen.errors import InputError
@@ -111,7 +110,7 @@ def traffic(
             f"{content} is no terrain: leave out the options of terrains and --most-triangles (limen traffic --help "
             "lists them)"
         )
-    if content != ONE_TO_ONE and (is_points(content) or mesh_type(existing_file(content)) is not None):
+    if content != ONE_TO_ONE and (is_points(content) or is_mesh(content)):
         if plot is not None or per_node or fit is not None:
             raise InputError("--plot, --per-node and --fit are for images; leave them out for a mesh or points")
         opened = opened_content(out, content)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from limen.data.image import Image, ImageInfo
     from limen.data.mesh import NO_TEXTURE, Mesh, MeshInfo
     from limen.data.mesh_file import open_mesh
+    from limen.data.mesh_folder import MeshReport, ingest_mesh
     from limen.data.mesh_sample import KNOT_TRIANGLES, MeshSampleReport, ripple, sample_mesh, torus_knot
     from limen.data.opening import open_content as open
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
@@ -44,6 +45,7 @@ __all__ = [
     "Level",
     "Mesh",
     "MeshInfo",
+    "MeshReport",
     "MeshSampleReport",
     "Points",
     "PointsInfo",
@@ -59,6 +61,7 @@ __all__ = [
     "cloud_info",
     "elevation_info",
     "ingest",
+    "ingest_mesh",
     "ingest_points",
     "ingest_terrain",
     "open",
@@ -91,6 +94,7 @@ _HOMES = {
     "PAGE": ("pages", "PAGE"),
     "Points": ("points_file", "Points"),
     "PointsInfo": ("points_file", "PointsInfo"),
+    "MeshReport": ("mesh_folder", "MeshReport"),
     "PointsReport": ("points_ingest", "PointsReport"),
     "PointsSampleReport": ("points_sample", "PointsSampleReport"),
     "Pyramid": ("pages", "Pyramid"),
@@ -103,6 +107,7 @@ _HOMES = {
     "cloud_info": ("points_opening", "cloud_info"),
     "elevation_info": ("terrain_info", "elevation_info"),
     "ingest": ("build", "ingest"),
+    "ingest_mesh": ("mesh_folder", "ingest_mesh"),
     "ingest_points": ("points_ingest", "ingest_points"),
     "ingest_terrain": ("terrain_build", "ingest_terrain"),
     "open": ("opening", "open_content"),

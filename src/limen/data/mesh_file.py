@@ -23,7 +23,7 @@ from limen.data.mesh_textures import Texels, as_layers, rgba_of
 from limen.data.resample import linear_of_srgb, srgb_of_linear
 from limen.errors import FormatError
 
-__all__ = ["mesh_type", "open_mesh"]
+__all__ = ["is_mesh", "is_mesh_folder", "mesh_type", "open_mesh"]
 
 Floats = NDArray[np.float64]
 
@@ -52,6 +52,22 @@ class _Part:
     uv: Floats | None  # (V, 2), v up
     picture: Any  # of Pillow
     opaque: bool
+
+
+def is_mesh_folder(path: str | Path) -> bool:
+    """Whether it is to be opened as a mesh that was made ready."""
+    return Path(path).suffix.lower() == ".mesh" and Path(path).is_dir()
+
+
+def is_mesh(path: str | Path) -> bool:
+    """Whether it is to be opened as a mesh, made ready or not.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    """
+    return is_mesh_folder(path) or mesh_type(existing_file(path)) is not None
 
 
 def mesh_type(path: Path) -> str | None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.data.tree_node_kernels import weld_places
 from limen.data.vertex_tree import VertexTree
 from limen.geometry import Floats
 
@@ -54,15 +55,23 @@ def covers_of(tree: VertexTree) -> Covers | None:
 
     None where edges have more than two triangles or are turned against each other.
     """
-    places, number = np.unique(tree.position[: tree.vertices] + np.float32(0), axis=0, return_inverse=True)
-    corners = number.ravel()[tree.triangles].astype(np.int64)
+    own = tree.position[: tree.vertices]
+    first = np.empty(len(own), np.int32)
+    weld_places((own + np.float32(0)).view(np.int32), first)  # -0 becomes 0
+    corners = first[tree.triangles].astype(np.int64)
     corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
-    ahead = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
-    key, back = (ahead[:, 0] * len(places) + ahead[:, 1] for ahead in (ahead, ahead[:, ::-1]))
-    if len(np.unique(key)) < len(key):
+    begin, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    # An edge as one number, the last bit of which tells its direction: sorted, those of two triangles lie side by side.
+    edges = 2 * (np.minimum(begin, end) * len(own) + np.maximum(begin, end)) + (begin > end)
+    edges.sort()
+    again = edges[1:] >> 1 == edges[:-1] >> 1
+    if (again[1:] & again[:-1]).any() or (edges[1:] == edges[:-1]).any():
         return None
-    border = ahead[~np.isin(back, key, assume_unique=True)][:, ::-1]  # a cover runs the other way around
-    follows = dict(border.tolist())
+    border = edges[~(np.append(again, False) | np.insert(again, 0, False))]
+    low, high = np.divmod(border >> 1, len(own))
+    turned = border & 1 == 0  # a cover runs the other way around
+    ways = np.stack([np.where(turned, high, low), np.where(turned, low, high)], axis=1)
+    follows: dict[int, int] = dict(ways.tolist())
     if len(follows) < len(border):
         return None  # two loops touch
     loops, pending = [], set(follows)
@@ -73,7 +82,7 @@ def covers_of(tree: VertexTree) -> Covers | None:
                 return None
             pending.remove(after)
             loop.append(after)
-        loops.append(places[loop].astype(float))
+        loops.append(own[loop].astype(float))
     fans = [_fan(ring) for ring in loops]
     middles = [ring.mean(axis=0) for ring in loops]
     return Covers(

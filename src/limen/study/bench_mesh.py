@@ -24,12 +24,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from limen.data.mesh import Mesh
-from limen.data.mesh_file import open_mesh
 from limen.data.mesh_sample import torus_knot
+from limen.data.opening import open_content
 from limen.data.tree_build import build_vertex_tree
 from limen.display.display import Display
 from limen.display.quilt import pack
 from limen.draw.folded import mesh_of_nodes
+from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.scene import SceneRenderer, Simplified
@@ -76,7 +77,7 @@ class MeshBench:
 
 def bench_mesh(quick: bool, say: Say, content: Path | None = None) -> MeshBench:
     """Rows of ``limen bench mesh``; ``content`` is a mesh instead of the sample."""
-    mesh = open_mesh(content) if content else torus_knot(_QUICK_TRIANGLES if quick else _SAMPLE_TRIANGLES)
+    mesh = _opened(content) if content else torus_knot(_QUICK_TRIANGLES if quick else _SAMPLE_TRIANGLES)
     most = _PAPERS.get(mesh.size, int(_SHARE * mesh.size))
     Foldable(build_vertex_tree(torus_knot(_WARM_TRIANGLES)))  # compiles the kernels, which is not to be timed
     name = content.name if content else "torus knot"
@@ -113,6 +114,13 @@ def bench_mesh(quick: bool, say: Say, content: Path | None = None) -> MeshBench:
     with open_device() as device:
         judged, seen = _judged(device, name, mesh, foldable, made, most, views)
     return MeshBench([*rows, *judged], seen)
+
+
+def _opened(content: Path) -> Mesh:
+    mesh = open_content(content)
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"{content}: is no mesh, and this benchmark wants one")
+    return mesh
 
 
 def _row(what: str, peer: str, value: float, unit: str) -> PeerRow:

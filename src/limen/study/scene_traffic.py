@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from limen.data.mesh import Mesh
+from limen.data.mesh_folder import tree_of
 from limen.data.points_file import Points
-from limen.data.tree_build import build_vertex_tree
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.geometry import Floats
@@ -147,7 +147,7 @@ def count_scene_traffic(
 
 class _Triangles:
     def __init__(self, mesh: Mesh, room_from_mesh: Floats) -> None:
-        self._foldable, self._stands = Foldable(build_vertex_tree(mesh)), room_from_mesh
+        self._foldable, self._stands = Foldable(tree_of(mesh)), room_from_mesh
 
     def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
         if not views.facing.any():

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from limen.data.mesh import Mesh
+from limen.data.mesh_folder import tree_of
 from limen.data.points_file import Points
-from limen.data.tree_build import build_vertex_tree
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.errors import InputError
@@ -279,7 +279,7 @@ def _inside(column: int, row: int, shape: tuple[int, ...]) -> tuple[int, int]:
 class _Mesh:
     def __init__(self, device: Device, mesh: Mesh, display: Display, extent: Extent) -> None:
         self.bounds = mesh.bounds
-        self._simplified = Simplified(Foldable(build_vertex_tree(mesh)), _FULL, extent)
+        self._simplified = Simplified(Foldable(tree_of(mesh)), _FULL, extent)
         self._renderer = SceneRenderer(device, display, mesh, simplified=self._simplified)
 
     def picture(self, stands: Floats, viewer: Viewer, policy: Policy) -> Picture:
