@@ -50,6 +50,20 @@ def test_gratings_score_by_their_distance_from_threshold(
     assert least <= jod_at(observer, k, frequency_cpd) <= most
 
 
+def test_what_appears_from_one_frame_to_the_next_is_seen_as_time_tells(observer: Observer) -> None:
+    threshold = 1 / float(sensitivity(4, luminance_cd_m2=100))
+    found = []
+    for k in (0, 0.5, 4, 8):
+        test = grating(4, k * threshold, 24.0, 64)
+        found.append(observer.judge_light(test, np.full_like(test, MEAN), 24.0, change=True))
+    assert found[0].jod == 10.0
+    assert found[1].jod > 9.95 > 9.8 > found[2].jod > found[3].jod
+    assert found[0].drop_p99 == 0 < found[1].drop_p99 < found[3].drop_p99
+    assert all(verdict.flip_p99 is None for verdict in found), "FLIP knows no time"
+    still = observer.judge_light(grating(4, 4 * threshold, 24.0, 64), np.full((64, 64, 3), MEAN), 24.0)
+    assert still.jod != found[2].jod
+
+
 def test_a_grating_at_threshold_off_the_gaze_scores_as_one_at_threshold_in_the_fovea(observer: Observer) -> None:
     for frequency_cpd in (8, 12):
         assert jod_at(observer, 1, frequency_cpd, 10.0) == pytest.approx(jod_at(observer, 1, frequency_cpd), abs=0.02)

@@ -76,6 +76,7 @@ def verify(
     eccentricity_deg: _Numbers = None,
     fit: FitOption = "contain",
     seed: int = 0,
+    changes: Annotated[bool, Parameter(negative="")] = False,
     strict: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     common: Common = DEFAULT,
@@ -100,6 +101,9 @@ def verify(
         meshes and points 0 20 40 from their middle).
     seed
         Other numbers choose other windows.
+    changes
+        Of a mesh or points: judge the moment in which all of it becomes, from one frame to the next, what a policy
+        leaves, instead of pictures that stand still.
     strict
         Exit with code 1 unless, at the true distance, every window passes and 95 % of them strictly.
     plot
@@ -115,11 +119,13 @@ def verify(
     if not isinstance(opened, Image):
         if opened.kind == "terrain":
             open_picture(content)  # says why it is none
-        asked = _AskedScene(display, panels, views, seed, distance_factors or FACTORS, eccentricity_deg)
+        asked = _AskedScene(display, panels, views, seed, distance_factors or FACTORS, eccentricity_deg, changes)
         report = _scene_report(out, content, cast("Mesh | Points", opened), asked, chosen)
         _finish(out, report, content, plot, strict=strict)
         return
     opened.close()
+    if changes:
+        raise InputError("--changes is for meshes and points: levels of an image change gradually")
     if not display:
         raise InputError("an image is judged on a display: give --display")
     trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)
@@ -160,6 +166,7 @@ class _AskedScene(NamedTuple):
     seed: int
     factors: Sequence[float]
     eccentricities_deg: Sequence[float] | None
+    changes: bool
 
 
 def _scene_report(
@@ -185,7 +192,9 @@ def _scene_report(
         subject = scenes.subject_of(device, opened, shown)
         try:
             poses = scenes.random_poses(asked.views, asked.seed)
-            for windows in scenes.judge_views(subject, shown, viewer, poses, trials, observers[light]):
+            for windows in scenes.judge_views(
+                subject, shown, viewer, poses, trials, observers[light], changes=asked.changes
+            ):
                 judged += windows
                 step(1)
         finally:

@@ -77,6 +77,10 @@ These are ``-cF cR`` of Ashraf et al. 2025.
 
 _RIM_PX = 4
 
+_CHANGE_HZ, _CHANGE_FRAMES = 60.0, 30
+"""Of the film in which one picture becomes another at once, in the middle: half a second, as long as the observer's
+model of time looks back twice."""
+
 Window = NDArray[np.uint8]
 
 _LIGHT: Floats = LINEAR_OF_SRGB.astype(float)
@@ -200,10 +204,13 @@ class Observer:
         eccentricity_deg: float | Floats = 0.0,
         *,
         second_opinion: bool = True,
+        change: bool = False,
     ) -> Verdict:
         """`judge` of windows in linear light, 0 ... 1 of what the display emits beyond its black.
 
-        The second observer takes three times as long as the first; without ``second_opinion`` it is not asked.
+        The second observer takes three times as long as the first; without ``second_opinion`` it is not asked. With
+        ``change``, it is the moment that is judged in which the reference becomes the test from one frame to the next,
+        beside a reference that stays; the second observer knows no time, and takes no part.
         """
         away = np.asarray(eccentricity_deg, dtype=float)
         _check(test, reference, samples_per_degree, away)
@@ -217,8 +224,8 @@ class Observer:
         ground = reference.mean(axis=(0, 1))
         # Clipped at the very end: what resampling overshoots is mostly lost on the periphery.
         seen = [np.clip(self._peripheral(_faded(light, ground), rate, away), 0.0, 1.0) for light in (test, reference)]
-        jod, drop = self._differences(seen[0], seen[1], rate)
-        asked = second_opinion and self._flip is not None and not away.any()
+        jod, drop = self._changes(seen[0], seen[1], rate) if change else self._differences(seen[0], seen[1], rate)
+        asked = second_opinion and not change and self._flip is not None and not away.any()
         flip = self._flip_p99(seen[0], seen[1], rate) if asked else None
         return Verdict(jod, float(np.percentile(drop, 99)), flip)
 
@@ -251,15 +258,31 @@ class Observer:
 
     def _differences(self, test: Floats, reference: Floats, samples_per_degree: float) -> tuple[float, Floats]:
         """The JOD, and what each place alone lowers it by, (H, W)."""
+        jod, heat = self._predicted(test, reference, samples_per_degree, "HWC", {})
+        return jod, heat[0]
+
+    def _changes(self, test: Floats, reference: Floats, samples_per_degree: float) -> tuple[float, Floats]:
+        """`_differences` of a film in which the reference becomes the test; of each place, the mean over the film."""
+        stays = np.repeat(reference[None], _CHANGE_FRAMES, axis=0)
+        changes = stays.copy()
+        changes[_CHANGE_FRAMES // 2 :] = test
+        told = {"frames_per_second": _CHANGE_HZ}
+        jod, heat = self._predicted(changes, stays, samples_per_degree, "FHWC", told)
+        return jod, heat.mean(axis=0)
+
+    def _predicted(
+        self, test: Floats, reference: Floats, samples_per_degree: float, order: str, told: dict[str, float]
+    ) -> tuple[float, Floats]:
+        """The JOD, and what each place alone lowers it by in each frame, (F, H, W)."""
         emitted = [self.black_cd_m2 + (self.peak_cd_m2 - self.black_cd_m2) * light for light in (test, reference)]
         with _silence(), self._torch.no_grad():
             self._metric.set_display_model(
                 display_photometry=self._photometry, display_geometry=self._geometry(samples_per_degree)
             )
             self._metric.csf.logS_rho.clear()  # a cache by frequency, which would grow with every distance
-            jod, stats = self._metric.predict(*(light.astype(np.float32) for light in emitted), dim_order="HWC")
+            jod, stats = self._metric.predict(*(light.astype(np.float32) for light in emitted), dim_order=order, **told)
         # The map holds the share of 10 JOD that is lost.
-        return float(jod), np.asarray(stats["heatmap"][0, 0, 0].numpy(), dtype=float) * 10
+        return float(jod), np.asarray(stats["heatmap"][0, 0].numpy(), dtype=float) * 10
 
     def _geometry(self, samples_per_degree: float) -> Any:
         return self._vdp.vvdp_display_geometry([WINDOW_PX, WINDOW_PX], ppd=samples_per_degree)

@@ -157,13 +157,16 @@ def judge_views(
     poses: Sequence[Pose],
     trials: Sequence[Trial],
     observer: Observer,
+    *,
+    changes: bool = False,
 ) -> Iterator[list[Judged]]:
     """Draw and judge the poses one after the other: of each, one or two windows.
 
-    Where a policy knows no gaze, eyes may rest anywhere: its windows are judged as in the fovea.
+    Where a policy knows no gaze, eyes may rest anywhere: its windows are judged as in the fovea. ``changes``: what is
+    judged is the moment in which the whole object becomes what the policy leaves of it.
     """
     for pose in poses:
-        yield _View(subject, display.panels[0], viewer, pose, observer).all(trials)
+        yield _View(subject, display.panels[0], viewer, pose, observer, changes=changes).all(trials)
 
 
 def pixels_per_degree(panel: Panel, viewer: Viewer) -> float:
@@ -193,7 +196,10 @@ def standing(bounds: NDArray[Any], panel: Panel, viewer: Viewer, pose: Pose) -> 
 class _View:
     """One pose; a trial's pictures are compared where it differs most, and at one random place."""
 
-    def __init__(self, subject: Subject, panel: Panel, viewer: Viewer, pose: Pose, observer: Observer) -> None:
+    def __init__(
+        self, subject: Subject, panel: Panel, viewer: Viewer, pose: Pose, observer: Observer, *, changes: bool
+    ) -> None:
+        self._changes = changes
         self._subject, self._panel, self._viewer, self._pose, self._observer = subject, panel, viewer, pose, observer
         self._middle_m = np.asarray(panel.centre_m, dtype=float)
         self._per_degree = pixels_per_degree(panel, viewer)
@@ -222,7 +228,12 @@ class _View:
         light, rate = sampled(light_of(picture[part]), self._per_degree)
         reference, _ = sampled(light_of(self._full[part]), self._per_degree)
         return self._observer.judge_light(
-            light, reference, rate, self._away_deg(at, trial), second_opinion=trial.policy.distance_factor == 1
+            light,
+            reference,
+            rate,
+            self._away_deg(at, trial),
+            second_opinion=trial.policy.distance_factor == 1,
+            change=self._changes,
         )
 
     def _draw(self, policy: Policy, eccentricity_deg: float) -> Picture:
