@@ -89,7 +89,7 @@ def test_cones_hold_all_normals_below(cloud):
         below = np.arange(len(levels[0].cone)) // FAN**number
         along = (levels[0].normal * level.normal[below]).sum(axis=1)
         apart_deg = np.degrees(np.arccos(np.clip(along, -1, 1)))
-        assert np.all(apart_deg <= level.half_angle_deg[below] + 1e-6)
+        assert np.all(apart_deg <= level.half_angle_deg[below] + 1e-5)  # what an arc cosine makes of 1 - 1e-16
         assert np.all(level.cone != ALL_AROUND)
 
 

@@ -2,6 +2,9 @@
 
 Everything above the points is made of what is stored, after it was rounded, so that what holds for the numbers in
 the file holds for what is drawn.
+
+A level is made at once from the one below it, whose nodes come **side by side**: first the first children of all nodes,
+then the second ones, and so on. The loops over nodes then run in wide registers.
 """
 
 from __future__ import annotations
@@ -12,12 +15,10 @@ import numpy as np
 from numba import njit
 
 from limen.data.hilbert_kernels import box_of
+from limen.data.point_cone_kernels import WIDTH, cones, mean_normals, unpack_normals
 from limen.data.point_nodes import ALL_AROUND, CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, FAN, LEVEL_BEGIN
 
-__all__ = ["NO_NORMAL", "RADIUS_STEPS", "build_chunks", "pack_normal", "pack_normals_into"]
-
-NO_NORMAL = -128
-"""In place of an octahedral code, where nothing is known."""
+__all__ = ["RADIUS_STEPS", "build_chunks"]
 
 RADIUS_STEPS = 12
 """Codes of radii in an octave."""
@@ -31,19 +32,18 @@ _CENTRE_STEPS = 4
 _STEPS_OF_FRACTION = np.ceil(np.log2(1.0 + np.arange(1, 257) / 256.0) * RADIUS_STEPS - 1e-9).astype(np.int64)
 """Codes from a power of two to a fraction above it, by the fraction's first eight bits, rounded up."""
 
-_CONES_A_RADIAN = 254.0 / np.pi
-_BLIND = 254.0
-"""Cone of a node that has a mean normal, and may face any way."""
+_RADIANS_A_CONE = np.float32(np.pi / 254.0)
 
 
 @njit(cache=True, nogil=True)
-def _frame(places: Any, begin: int, end: int, step: float, low: Any, frame: Any, at: Any, codes: Any) -> None:
-    """Where the chunk's codes begin and how long a step is, into ``frame`` (5,); codes of the points' places.
+def _frame(words: Any, begin: int, end: int, step: float, low: Any, frame: Any, at: Any) -> None:
+    """Where the chunk's codes begin and how long a step is, into ``frame`` (5,); codes of the points' places into rows
+    0, 1, 2 of ``at``.
 
     ``low`` (3,) is where the lattice begins, from the cloud's origin.
     """
-    box = np.empty((2, 3), np.int32)
-    box_of(places[begin:end], box)
+    box = np.empty((2, 3), np.uint32)
+    box_of(words[begin:end], box)
     widest = 0.0
     for a in range(3):
         first = low[a] + box[0, a] * step
@@ -57,11 +57,9 @@ def _frame(places: Any, begin: int, end: int, step: float, low: Any, frame: Any,
     per_step = 1.0 / np.float64(frame[3])
     for a in range(3):
         scale, offset = step * per_step, (low[a] - np.float64(frame[a])) * per_step + 0.5
-        for i in range(begin, end):
-            code = np.int32(places[i, a] * scale + offset)
-            code = np.int32(0) if code < 0 else np.int32(65535) if code > 65535 else code
-            codes[_BEGIN[0] + i - begin, a] = code
-            at[_BEGIN[0] + i - begin, a] = np.float32(code)
+        for i in range(end - begin):
+            code = np.int32(np.int32(words[begin + i, a]) * scale + offset)
+            at[a, i] = np.float32(np.int32(0) if code < 0 else np.int32(65535) if code > 65535 else code)
 
 
 @njit(cache=True, nogil=True)
@@ -78,55 +76,98 @@ def _code_of(share: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _farthest(at: Any, radius: Any, first: int, last: int, x: float, y: float, z: float) -> Any:
-    """How far spheres reach from a place, and which reaches farthest."""
-    reach, which = np.float32(-1.0), first
-    for i in range(first, last):
-        dx, dy, dz = at[i, 0] - x, at[i, 1] - y, at[i, 2] - z
-        own = np.sqrt(dx * dx + dy * dy + dz * dz) + radius[i]
-        if own > reach:
-            reach, which = own, i
-    return reach, which
+def _beside(own: Any, first: int, count: int, rows: int, out: Any) -> None:
+    """Children from the ``first`` on side by side, a row after the other; the last one stands in for those missing."""
+    for row in range(rows):
+        for i in range(count // FAN):
+            for child in range(FAN):
+                out[row * CHUNK_POINTS + child * WIDTH + i] = own[row, first + FAN * i + child]
+        if count % FAN > 0:
+            i = count // FAN
+            for child in range(FAN):
+                out[row * CHUNK_POINTS + child * WIDTH + i] = own[row, first + min(FAN * i + child, count - 1)]
 
 
 @njit(cache=True, nogil=True)
-def _sphere(at: Any, radius: Any, first: int, last: int, node: int, codes: Any) -> float:
-    """Centre of a sphere around those of the children ``first:last``, at a code; returns the radius it needs.
+def _middles(beside: Any, nodes: int, state: Any) -> None:
+    """The middle of the box of children's spheres, rows 0, 1, 2 of ``state``."""
+    half = np.float32(0.5)
+    for i in range(nodes):
+        x, y, z, r = beside[i], beside[1 * CHUNK_POINTS + i], beside[2 * CHUNK_POINTS + i], beside[3 * CHUNK_POINTS + i]
+        x0, y0, z0, x1, y1, z1 = x - r, y - r, z - r, x + r, y + r, z + r
+        for child in range(1, FAN):
+            k = child * WIDTH + i
+            x, y, z, r = (
+                beside[k],
+                beside[1 * CHUNK_POINTS + k],
+                beside[2 * CHUNK_POINTS + k],
+                beside[3 * CHUNK_POINTS + k],
+            )
+            x0, y0, z0 = min(x0, x - r), min(y0, y - r), min(z0, z - r)
+            x1, y1, z1 = max(x1, x + r), max(y1, y + r), max(z1, z + r)
+        state[i], state[1 * WIDTH + i], state[2 * WIDTH + i] = (x0 + x1) * half, (y0 + y1) * half, (z0 + z1) * half
+        state[6 * WIDTH + i] = np.float32(1e30)
 
-    From the middle of their box a few steps towards whichever reaches farthest (Badoiu, Clarkson 2003, *Smaller
-    core-sets for balls*, shortened ever more); the best is kept.
+
+@njit(cache=True, nogil=True)
+def _reach(beside: Any, nodes: int, share: float, state: Any) -> None:
+    """How far children reach from rows 0, 1, 2 of ``state``; the best place and its reach are kept in rows 3 ... 6.
+
+    Then it moves by a share of the way towards whichever reaches farthest.
     """
-    place, best = np.empty(3, np.float32), np.empty(3, np.float32)
-    for a in range(3):
-        least, most = at[first, a] - radius[first], at[first, a] + radius[first]
-        for i in range(first + 1, last):
-            least = min(least, at[i, a] - radius[i])
-            most = max(most, at[i, a] + radius[i])
-        place[a] = (least + most) * np.float32(0.5)
-        best[a] = place[a]
-    needed, which = _farthest(at, radius, first, last, place[0], place[1], place[2])
+    for i in range(nodes):
+        x, y, z = state[i], state[1 * WIDTH + i], state[2 * WIDTH + i]
+        reach, far_x, far_y, far_z = np.float32(-1.0), x, y, z
+        for child in range(FAN):
+            k = child * WIDTH + i
+            px, py, pz = beside[k], beside[1 * CHUNK_POINTS + k], beside[2 * CHUNK_POINTS + k]
+            dx, dy, dz = px - x, py - y, pz - z
+            own = np.sqrt(dx * dx + dy * dy + dz * dz) + beside[3 * CHUNK_POINTS + k]
+            farther = own > reach
+            reach = own if farther else reach
+            far_x, far_y, far_z = px if farther else far_x, py if farther else far_y, pz if farther else far_z
+        better = reach < state[6 * WIDTH + i]
+        state[6 * WIDTH + i] = reach if better else state[6 * WIDTH + i]
+        state[3 * WIDTH + i] = x if better else state[3 * WIDTH + i]
+        state[4 * WIDTH + i] = y if better else state[4 * WIDTH + i]
+        state[5 * WIDTH + i] = z if better else state[5 * WIDTH + i]
+        state[i], state[1 * WIDTH + i], state[2 * WIDTH + i] = (
+            x + share * (far_x - x),
+            y + share * (far_y - y),
+            z + share * (far_z - z),
+        )
+
+
+@njit(cache=True, nogil=True)
+def _centres(beside: Any, nodes: int, state: Any) -> None:
+    """Places of nodes, whole codes, and how far their children reach from there, in steps: rows 3 ... 6 of ``state``.
+
+    From the middle of the children's box a few steps towards whichever reaches farthest (Badoiu, Clarkson 2003,
+    *Smaller core-sets for balls*, shortened ever more); the best is kept, and rounded. ``beside`` are the children's
+    spheres.
+    """
+    _middles(beside, nodes, state)
     share = np.float32(0.15)
-    for _ in range(_CENTRE_STEPS):
-        for a in range(3):
-            place[a] += share * (at[which, a] - place[a])
-        reach, which = _farthest(at, radius, first, last, place[0], place[1], place[2])
-        if reach < needed:
-            needed = reach
-            best[:] = place
+    for _ in range(_CENTRE_STEPS + 1):
+        _reach(beside, nodes, share, state)
         share *= np.float32(0.75)
     for a in range(3):
-        code = min(max(best[a] + np.float32(0.5), np.float32(0.0)), np.float32(65535.0))
-        codes[node, a] = np.uint16(code)
-        at[node, a] = np.float32(codes[node, a])
-    return np.float64(_farthest(at, radius, first, last, at[node, 0], at[node, 1], at[node, 2])[0])
+        for i in range(nodes):
+            code = np.float32(np.int32(state[(3 + a) * WIDTH + i] + np.float32(0.5)))
+            state[a * WIDTH + i] = min(max(code, np.float32(0.0)), np.float32(65535.0))
+    for i in range(nodes):
+        state[6 * WIDTH + i] = np.float32(1e30)
+    _reach(beside, nodes, np.float32(0.0), state)
 
 
 @njit(cache=True, nogil=True)
-def _spheres(radii: Any, begin: int, counts: Any, frame: Any, at: Any, codes: Any, scale: Any, bytes_out: Any) -> None:
-    """Places and radii of all nodes, bottom up; radii are rounded up to codes. ``scale`` (256,) is overwritten."""
-    step = np.float64(frame[3])
-    radius = np.zeros(CHUNK_NODES, np.float32)  # in steps
-    code_of = np.zeros(CHUNK_NODES, np.int64)
+def _spheres(radii: Any, begin: int, counts: Any, frame: Any, spheres: Any, codes: Any, scale: Any, beside: Any,
+             state: Any) -> None:  # fmt: skip
+    """Spheres (4, 4681) of all nodes in steps, bottom up from the points' places, and codes (4681,) of their radii.
+
+    ``scale`` (256,), ``beside`` and ``state`` are overwritten.
+    """
+    step, points = np.float64(frame[3]), _BEGIN[0]
     largest = np.float32(0.0)
     for i in range(counts[0]):
         largest = max(largest, radii[begin + i])
@@ -134,179 +175,126 @@ def _spheres(radii: Any, begin: int, counts: Any, frame: Any, at: Any, codes: An
     bound = 2.0 * (65535.0 * 1.75 * step + np.float64(largest))
     for code in range(1, 256):
         scale[code] = np.float32(bound * 2.0 ** ((code - 255) / RADIUS_STEPS) / step * _SLACK)
-    top = 0
+    top, share = 0, np.float32(_SLACK / bound)
     for i in range(counts[0]):
-        code = _code_of(radii[begin + i] * np.float32(_SLACK / bound))
-        code_of[_BEGIN[0] + i] = code
-        radius[_BEGIN[0] + i] = scale[code]
+        code = _code_of(radii[begin + i] * share)
+        codes[points + i], spheres[3, points + i] = code, scale[code]
+    share = np.float32(step * _SLACK / bound)
     for level in range(1, CHUNK_LEVEL + 1):
+        _beside(spheres, _BEGIN[level - 1], counts[level - 1], 4, beside)
+        _centres(beside, counts[level], state)
         for i in range(counts[level]):
             node = _BEGIN[level] + i
-            first = _BEGIN[level - 1] + FAN * i
-            last = _BEGIN[level - 1] + min(FAN * i + FAN, counts[level - 1])
-            code = _code_of(np.float32(_sphere(at, radius, first, last, node, codes) * step * _SLACK / bound))
-            code_of[node] = code
-            radius[node] = scale[code]
+            code = _code_of(state[6 * WIDTH + i] * share)
+            for a in range(3):
+                spheres[a, node] = state[(3 + a) * WIDTH + i]
+            codes[node], spheres[3, node] = code, scale[code]
             top = max(top, code)
     frame[4] = np.float32(bound * 2.0 ** ((top - 255) / RADIUS_STEPS)) if top > 0 else np.float32(0.0)
     for level in range(CHUNK_LEVEL + 1):
         for node in range(_BEGIN[level], _BEGIN[level] + counts[level]):
-            if code_of[node] > 0:
-                bytes_out[node, 6] = 255 - (top - code_of[node])
+            codes[node] = codes[node] + (255 - top) if codes[node] > 0 else 0
 
 
 @njit(cache=True, nogil=True)
-def _colours(rows: Any, begin: int, counts: Any, light: Any, codes_of_light: Any, out: Any) -> None:
-    """Mean colours in linear light, and mean intensities, into bytes 11 ... 15 of nodes."""
+def _colours(words: Any, begin: int, counts: Any, light: Any, codes_of_light: Any, looks: Any) -> None:
+    """Colours and intensities as a word of a node, red the lowest byte: ``looks`` (4681,) uint32, means of light."""
     total = np.zeros((CHUNK_NODES - CHUNK_POINTS, 4), np.float32)
     for i in range(counts[0]):
-        node, group = _BEGIN[0] + i, _BEGIN[1] + i // FAN
-        for c in range(3):
-            out[node, 12 + c] = rows[begin + i, c]
-            total[group, c] += light[rows[begin + i, c]]
-        out[node, 11] = rows[begin + i, 3]
-        total[group, 3] += np.float32(rows[begin + i, 3])
+        word, group = words[begin + i, 3], _BEGIN[1] + i // FAN
+        looks[_BEGIN[0] + i] = word
+        total[group, 0] += light[word & np.uint32(255)]
+        total[group, 1] += light[word >> np.uint32(8) & np.uint32(255)]
+        total[group, 2] += light[word >> np.uint32(16) & np.uint32(255)]
+        total[group, 3] += np.float32(word >> np.uint32(24))
     for level in range(1, CHUNK_LEVEL + 1):
         below = FAN**level
         for i in range(counts[level]):
             node = _BEGIN[level] + i
             share = np.float32(1.0) / np.float32(min(below, counts[0] - below * i))
+            word = np.uint32(total[node, 3] * share + np.float32(0.5)) << np.uint32(24)
             for c in range(3):
                 mean = min(total[node, c] * share, np.float32(1.0))
-                out[node, 12 + c] = codes_of_light[int(mean * np.float32(65535.0) + np.float32(0.5))]
-            out[node, 11] = np.uint8(total[node, 3] * share + np.float32(0.5))
+                code = codes_of_light[np.int32(mean * np.float32(65535.0) + np.float32(0.5))]
+                word |= np.uint32(code) << np.uint32(8 * c)
+            looks[node] = word
             if level < CHUNK_LEVEL:
                 for c in range(4):
-                    total[_BEGIN[level + 1] + i // FAN, c] += total[node, c]
+                    total[(node - 1) // FAN, c] += total[node, c]
 
 
 @njit(cache=True, nogil=True)
-def _unpack(u: int, v: int, normal: Any) -> None:
-    x, y = u / 127.0, v / 127.0
-    z = 1.0 - abs(x) - abs(y)
-    if z < 0.0:
-        x, y = x + (z if x >= 0.0 else -z), y + (z if y >= 0.0 else -z)
-    length = np.sqrt(x * x + y * y + z * z)
-    normal[0], normal[1], normal[2] = x / length, y / length, z / length
+def _normals(words: Any, begin: int, counts: Any, two_sided: bool, faces: Any, beside: Any, state: Any) -> None:
+    """Octahedral normals and cones as a word of a node, of 24 bits: ``faces`` (4681,) uint32.
 
-
-@njit(cache=True, nogil=True)
-def pack_normal(x: float, y: float, z: float, out: Any) -> None:
-    """The octahedral code of a vector of any length but zero."""
-    scale = 1.0 / (abs(x) + abs(y) + abs(z))
-    x, y, z = x * scale, y * scale, z * scale
-    if z < 0.0:
-        x, y = (1.0 - abs(y)) * (1.0 if x >= 0.0 else -1.0), (1.0 - abs(x)) * (1.0 if y >= 0.0 else -1.0)
-    out[0], out[1] = np.int8(np.rint(x * 127.0)), np.int8(np.rint(y * 127.0))
-
-
-@njit(cache=True, nogil=True)
-def pack_normals_into(normals: Any, codes: Any) -> None:
-    """Octahedral codes (N, 2) int8 of vectors (N, 3) of any length; `NO_NORMAL` where one is zero or not finite."""
-    for i in range(normals.shape[0]):
-        x, y, z = np.float64(normals[i, 0]), np.float64(normals[i, 1]), np.float64(normals[i, 2])
-        size = abs(x) + abs(y) + abs(z)
-        if np.isfinite(size) and size > 0.0:
-            pack_normal(x, y, z, codes[i])
-        else:
-            codes[i, 0], codes[i, 1] = NO_NORMAL, NO_NORMAL
-
-
-@njit(cache=True, nogil=True)
-def _mean_normal(normal: Any, weight: Any, first: int, last: int, two_sided: bool, mean: Any) -> float:
-    """The sum of children's normals into ``mean``, and how many points had one; two-sided ones turned to agree."""
-    known = 0.0
-    mean[:] = 0.0
-    for i in range(first, last):
-        along = mean[0] * normal[i, 0] + mean[1] * normal[i, 1] + mean[2] * normal[i, 2]
-        weighted = -weight[i] if two_sided and along < 0.0 else weight[i]
-        known += weight[i]
-        for a in range(3):
-            mean[a] += weighted * normal[i, a]
-    return known
-
-
-@njit(cache=True, nogil=True)
-def _half_angle(normal: Any, cone: Any, weight: Any, first: int, last: int, axis: Any, two_sided: bool) -> float:
-    """Of a cone about ``axis`` that holds those of the children that have one: unknown normals have no say."""
-    widest, least = 0.0, 1.0
-    for i in range(first, last):
-        if weight[i] > 0.0:
-            along = axis[0] * normal[i, 0] + axis[1] * normal[i, 1] + axis[2] * normal[i, 2]
-            along = abs(along) if two_sided else along
-            if cone[i] > 0.0:
-                widest = max(widest, np.arccos(min(max(along, -1.0), 1.0)) + cone[i])
-            else:
-                least = min(least, along)
-    return float(max(widest, np.arccos(max(least, -1.0))))
-
-
-@njit(cache=True, nogil=True)
-def _cones(counts: Any, two_sided: bool, octahedral: Any, out: Any) -> None:
-    """Normals and cones above points whose normals are in ``octahedral`` (nodes, 2) int8, and in ``out`` as bytes."""
-    normal = np.zeros((CHUNK_NODES, 3), np.float64)
-    cone = np.zeros(CHUNK_NODES, np.float64)
-    weight = np.zeros(CHUNK_NODES, np.float64)
-    mean = np.zeros(3, np.float64)
-    for node in range(_BEGIN[0], _BEGIN[0] + counts[0]):
-        if out[node, 10] != ALL_AROUND:
-            _unpack(octahedral[node, 0], octahedral[node, 1], normal[node])
-            weight[node] = 1.0
+    ``beside`` and ``state`` are overwritten.
+    """
+    # Rows: unit normal, weight, half angle in radians.
+    own, codes = np.empty((5, CHUNK_POINTS), np.float32), np.empty((3, CHUNK_POINTS), np.float32)
+    held, known = np.empty(CHUNK_POINTS // FAN, np.float32), np.uint32(0)
+    for i in range(counts[0]):
+        word = words[begin + i, 4]
+        u, v = np.int8(word & np.uint32(255)), np.int8(word >> np.uint32(8) & np.uint32(255))
+        codes[0, i], codes[1, i] = np.float32(u), np.float32(v)
+        has = u != np.int8(-128)
+        own[3, i], own[4, i] = np.float32(has), np.float32(0.0)
+        faces[_BEGIN[0] + i] = word & np.uint32(0xFFFF) if has else np.uint32(ALL_AROUND << 16)
+        known |= np.uint32(has)
+    if known == 0:
+        for node in range(_BEGIN[0]):
+            faces[node] = np.uint32(ALL_AROUND << 16)
+        return
+    unpack_normals(codes, counts[0], own)
     for level in range(1, CHUNK_LEVEL + 1):
-        for i in range(counts[level]):
-            node = _BEGIN[level] + i
-            first = _BEGIN[level - 1] + FAN * i
-            last = _BEGIN[level - 1] + min(FAN * i + FAN, counts[level - 1])
-            out[node, 10] = ALL_AROUND
-            known = _mean_normal(normal, weight, first, last, two_sided, mean)
-            below = min(FAN**level, counts[0] - FAN**level * i)
-            if known * 2.0 < below or abs(mean[0]) + abs(mean[1]) + abs(mean[2]) < 1e-6 * known:
-                continue
-            pack_normal(mean[0], mean[1], mean[2], octahedral[node])
-            _unpack(octahedral[node, 0], octahedral[node, 1], normal[node])
-            weight[node] = known
-            code = np.ceil(
-                _half_angle(normal, cone, weight, first, last, normal[node], two_sided) * _CONES_A_RADIAN - 1e-6
-            )
-            if code >= (127.0 if two_sided else 254.0):
-                code = _BLIND
-            out[node, 10] = np.uint8(code)
-            cone[node] = code / _CONES_A_RADIAN
+        nodes = counts[level]
+        _beside(own, 0, counts[level - 1], 5, beside)
+        for k in range(counts[level - 1], FAN * nodes):
+            beside[3 * CHUNK_POINTS + (k % FAN) * WIDTH + k // FAN] = np.float32(0.0)
+        for i in range(nodes):
+            held[i] = np.float32(min(FAN**level, counts[0] - FAN**level * i))
+        mean_normals(beside, nodes, held, two_sided, codes)
+        unpack_normals(codes, nodes, own)
+        cones(beside, own, nodes, two_sided, state)
+        for i in range(nodes):
+            fit = codes[2, i] > np.float32(0.0)
+            face = np.uint32(np.int32(codes[0, i])) & np.uint32(255) | (
+                np.uint32(np.int32(codes[1, i])) & np.uint32(255)
+            ) << np.uint32(8)
+            face |= np.uint32(state[i]) << np.uint32(16)
+            faces[_BEGIN[level] + i] = face if fit else np.uint32(ALL_AROUND << 16)
+            own[3, i], own[4, i] = codes[2, i], state[i] * _RADIANS_A_CONE if fit else np.float32(0.0)
 
 
 @njit(cache=True, nogil=True)
 def build_chunks(
-    places: Any, rows: Any, radii: Any, step: float, low: Any, two_sided: bool, light: Any, codes_of_light: Any,
-    codes: Any, octahedral: Any, out: Any, frames: Any,
+    words: Any, radii: Any, step: float, low: Any, two_sided: bool, light: Any, codes_of_light: Any, out: Any,
+    frames: Any,
 ) -> None:  # fmt: skip
     """All nodes of consecutive chunks.
 
-    ``places`` (N, 3) int32 on a lattice of ``step`` metres that begins at ``low`` (3,) from the cloud's origin;
-    ``rows`` (N, 8) uint8: red, green, blue, intensity, octahedral normal; ``radii`` (N,) in metres. ``codes``
-    (C, 4681, 8) uint16, ``octahedral`` (C, 4681, 2) int8 (bytes 8 and 9) and ``out`` (C, 4681, 16) uint8 are the same
-    zeroed nodes; ``frames`` is (C, 5) float32: origin, step, largest radius. Contrasts are left at 0.
+    ``words`` (N, 5) uint32 are points: places on a lattice of ``step`` metres that begins at ``low`` (3,) from the
+    cloud's origin; red, green, blue, intensity; octahedral normal. ``radii`` (N,) in metres. ``out`` (C, 4681, 4)
+    uint32 are zeroed nodes; ``frames`` is (C, 5) float32: origin, step, largest radius. Contrasts are left at 0.
     """
-    at = np.zeros((CHUNK_NODES, 3), np.float32)
-    scale = np.zeros(256, np.float32)
-    counts = np.zeros(CHUNK_LEVEL + 1, np.int64)
+    spheres, codes = np.empty((4, CHUNK_NODES), np.float32), np.zeros(CHUNK_NODES, np.int32)
+    looks, faces = np.empty(CHUNK_NODES, np.uint32), np.empty(CHUNK_NODES, np.uint32)
+    beside, state = np.empty(5 * CHUNK_POINTS, np.float32), np.empty(7 * WIDTH, np.float32)
+    scale, counts = np.zeros(256, np.float32), np.zeros(CHUNK_LEVEL + 1, np.int64)
     for chunk in range(out.shape[0]):
         begin = chunk * CHUNK_POINTS
-        end = min(begin + CHUNK_POINTS, places.shape[0])
+        end = min(begin + CHUNK_POINTS, words.shape[0])
         counts[0] = end - begin
         for level in range(1, CHUNK_LEVEL + 1):
             counts[level] = (counts[level - 1] + FAN - 1) // FAN
+        _frame(words, begin, end, step, low, frames[chunk], spheres[:, _BEGIN[0] :])
+        _spheres(radii, begin, counts, frames[chunk], spheres, codes, scale, beside, state)
+        _colours(words, begin, counts, light, codes_of_light, looks)
+        _normals(words, begin, counts, two_sided, faces, beside, state)
         for level in range(CHUNK_LEVEL + 1):
             for node in range(_BEGIN[level], _BEGIN[level] + counts[level]):
-                out[chunk, node, 10] = ALL_AROUND
-        _frame(places, begin, end, step, low, frames[chunk], at, codes[chunk])
-        _spheres(radii, begin, counts, frames[chunk], at, codes[chunk], scale, out[chunk])
-        _colours(rows, begin, counts, light, codes_of_light, out[chunk])
-        known = False
-        for i in range(counts[0]):
-            node = _BEGIN[0] + i
-            if rows[begin + i, 4] != 128:  # as int8, `NO_NORMAL`
-                out[chunk, node, 8], out[chunk, node, 9] = rows[begin + i, 4], rows[begin + i, 5]
-                out[chunk, node, 10] = 0
-                known = True
-        if known:
-            _cones(counts, two_sided, octahedral[chunk], out[chunk])
+                x, y, z = np.uint32(spheres[0, node]), np.uint32(spheres[1, node]), np.uint32(spheres[2, node])
+                look = looks[node]
+                out[chunk, node, 0] = x | y << np.uint32(16)
+                out[chunk, node, 1] = z | np.uint32(codes[node]) << np.uint32(16)
+                out[chunk, node, 2] = faces[node] | look & np.uint32(0xFF000000)
+                out[chunk, node, 3] = look & np.uint32(0x00FFFFFF)

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from limen.data.point_cone_kernels import NO_NORMAL, pack_normal
 from limen.data.point_group_kernels import GROUP
-from limen.data.point_node_kernels import NO_NORMAL, pack_normal
 
 __all__ = ["MOST_VARIATION", "REACH", "estimate_normals"]
 

@@ -20,8 +20,9 @@ from limen.data.hilbert_kernels import (
     round_to_lattice,
     sort_digit,
 )
+from limen.data.point_cone_kernels import NO_NORMAL, pack_normals_into
 from limen.data.point_group_kernels import arrange
-from limen.data.point_node_kernels import NO_NORMAL, build_chunks, pack_normals_into
+from limen.data.point_node_kernels import build_chunks
 from limen.data.point_nodes import CHUNK_NODES, CHUNK_POINTS, NODE, ChunkFrame
 from limen.data.point_normal_kernels import estimate_normals
 from limen.data.resample import LINEAR_OF_SRGB, SRGB_OF_LINEAR
@@ -156,6 +157,11 @@ def _views(points: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
     return points["place"], points.view(np.uint8).reshape(len(points), POINT.itemsize)[:, 12:]
 
 
+def _words(points: NDArray[Any]) -> NDArray[np.uint32]:
+    """Points as words (N, 5): places, colour and intensity, normal."""
+    return points.view(np.uint32).reshape(len(points), -1)
+
+
 def arranged(
     points: NDArray[Any], order: NDArray[np.uint32], step: float, *, estimate: bool
 ) -> tuple[NDArray[Any], NDArray[np.float32]]:
@@ -181,16 +187,14 @@ def chunks_of(
     nodes = np.zeros((count, CHUNK_NODES), NODE)
     frames = np.zeros((count, 5), np.float32)
     build_chunks(
-        *_views(points),
+        _words(points),
         radii,
         lattice.step,
         np.asarray(lattice.low - origin, dtype=float),
         two_sided,
         LINEAR_OF_SRGB,
         SRGB_OF_LINEAR,
-        nodes.view(np.uint16).reshape(count, CHUNK_NODES, -1),
-        nodes["normal"],
-        nodes.view(np.uint8).reshape(count, CHUNK_NODES, -1),
+        nodes.view(np.uint32).reshape(count, CHUNK_NODES, -1),
         frames,
     )
     return Chunks(nodes, ChunkFrame(frames[:, :3].copy(), frames[:, 3].copy(), frames[:, 4].copy()))
