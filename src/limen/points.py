@@ -28,7 +28,7 @@ from limen.gpu.device import Device
 from limen.placement import mesh_in_room
 from limen.points_stream import CHUNK_BYTES, PointStream
 from limen.select.points import PointCut, PointTree, Sight, select_points
-from limen.select.shares import shares_of_codes
+from limen.select.shares import shares_of_policy
 from limen.select.throttle import Throttle
 from limen.tolerance import Policy, tolerance_of
 from limen.view import Windows, guard_of
@@ -163,7 +163,6 @@ class PointsRenderer:
         self._layer = PointsLayer(
             device, np.concatenate(points.tops), self._stream.slots, background=background, shape=shape, method=method
         )
-        self._shares: dict[str, Floats] = {}
         self._throttle = Throttle(len(self.quilts))
         self._reader = TextureReader(device)
 
@@ -268,17 +267,10 @@ class PointsRenderer:
             windows = self._windows[quilt] = Windows(self.display, quilt, guard_px=guard_of(self.display, quilt))
         sight = Sight(
             windows.seen_from(viewers[0].position_m), self._room_from_cloud, tolerance_of(viewers, policy.eyesight),
-            self._throttle.within(policy), self._shares_of(policy), self.lit,
+            self._throttle.within(policy), shares_of_policy(policy, self._whites), self.lit,
         )  # fmt: skip
         cut = select_points(self._tree, self._stream.resident, sight)
         return _Chosen(quilt, windows, sight, cut, time.perf_counter() - begin, self._stream.generation)
-
-    def _shares_of(self, policy: Policy) -> Floats:
-        if policy.eyesight.name != "contrast":
-            return np.ones(256)
-        if not self._shares:
-            self._shares["contrast"] = shares_of_codes(self._whites)
-        return self._shares["contrast"]
 
     def _ask(self, chosen: Sequence[_Chosen], most: int | None = None) -> float:
         """Ask for chunks, take those that have been read; seconds that took."""

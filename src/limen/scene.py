@@ -29,7 +29,7 @@ from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.placement import mesh_in_room
 from limen.select.mesh import Extent, Foldable, FoldSight, MeshCut, select_mesh
-from limen.select.shares import shares_of_codes
+from limen.select.shares import shares_of_policy
 from limen.select.throttle import Throttle
 from limen.tolerance import Policy, tolerance_of
 from limen.view import PanelViews, Windows, guard_of
@@ -178,7 +178,6 @@ class SceneRenderer:
         self._nodes = mesh if simplified is None else mesh_of_nodes(mesh, simplified.foldable.tree)
         self._layer = SceneLayer(device, self._nodes, background=background, clip=clip)
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
-        self._shares: Floats | None = None
         self._tinted = False
         self._last: tuple[Any, MeshCut] | None = None
         self._throttle = Throttle(len(self.quilts))
@@ -351,15 +350,12 @@ class SceneRenderer:
         if self.simplified is None:
             return None
         policy = self._throttle.within(self.simplified.policy)
-        if policy.eyesight.name == "contrast" and self._shares is None:
-            self._shares = shares_of_codes(self._whites)
-        shares = self._shares if policy.eyesight.name == "contrast" and self._shares is not None else np.ones(256)
         everybody = tuple(replace(each, time_s=0.0) for each in viewers)
         asked = (quilt, everybody, policy, self.simplified, np.asarray(self.room_from_mesh, dtype=float).tobytes())
         if self._last is None or self._last[0] != asked:  # nothing has moved: the cut is that of the frame before
             sight = FoldSight(
-                tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight), policy, shares,
-                self.simplified.extent,
+                tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight), policy,
+                shares_of_policy(policy, self._whites), self.simplified.extent,
             )  # fmt: skip
             self._last = asked, select_mesh(self.simplified.foldable, sight)
             self._layer.choose(self._last[1].triangles)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import limen
-from limen.data import ingest_mesh, mesh_folder, sample_mesh
+from limen.data import ingest_mesh, machine, mesh_folder, sample_mesh
 from limen.data.mesh import Mesh
 from limen.data.mesh_folder import open_mesh_folder, tree_of
 from limen.data.tree_build import build_vertex_tree
@@ -84,7 +84,7 @@ def test_nothing_is_left_of_what_was_interrupted(
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(mesh_folder, "list_files", stop)
+    monkeypatch.setattr(mesh_folder, "seal", stop)
     with pytest.raises(KeyboardInterrupt):
         ingest_mesh(made[0], tmp_path / "knot.mesh")
     assert not list(tmp_path.iterdir())
@@ -92,7 +92,7 @@ def test_nothing_is_left_of_what_was_interrupted(
 
 def test_trees_of_large_meshes_are_kept_until_the_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_folder, "_WORTH_KEEPING", 1000)
-    monkeypatch.setattr(mesh_folder, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(machine, "cache_folder", lambda: tmp_path)
     sample_mesh(tmp_path / "knot.ply", 2000)
     built: list[int] = []
 
@@ -107,6 +107,6 @@ def test_trees_of_large_meshes_are_kept_until_the_file_changes(tmp_path: Path, m
     sample_mesh(tmp_path / "knot.ply", 2400)
     tree_of(limen.open(tmp_path / "knot.ply"))  # type: ignore[arg-type]
     assert len(built) == 2
-    monkeypatch.setattr(mesh_folder, "cache_folder", lambda: tmp_path / "gone")
+    monkeypatch.setattr(machine, "cache_folder", lambda: tmp_path / "gone")
     tree_of(limen.open(tmp_path / "knot.ply"))  # type: ignore[arg-type]
     assert len(built) == 3, "without a place to keep it, it is built"

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from limen.cli.output import DEFAULT, Common, Output
 from limen.errors import InputError
 from limen.study.bench import BENCHES, Measured
-from limen.study.bench_mesh import bench_mesh
+from limen.study.bench_mesh import Seen, bench_mesh
 from limen.study.bench_panels import PanelsRow
 from limen.study.bench_points import PeerRow, bench_points
 from limen.study.bench_terrain import TerrainRow, bench_terrain
@@ -63,6 +63,8 @@ def bench(
         if name not in _PLOTTED:
             raise InputError(f"--plot draws the benchmarks 'panels' and 'mesh', not '{name}'")
         format_of(plot)  # a wrong ending should not cost minutes of measuring
+        if name == _MESH and missing_packages():
+            raise InputError(f"--plot draws what the observer judged, and it is not installed: run {INSTALL[0]}")
     if content is not None and name not in (_TERRAIN, _POINTS, _MESH):
         raise InputError(f"--content is for the benchmarks 'terrain', 'points' and 'mesh', not '{name}'")
     if crop is not None and name != _TERRAIN:
@@ -70,29 +72,27 @@ def bench(
     if crop is not None and content is None:
         raise InputError("--crop takes part of a DEM: name it with --content")
     out = Output(common)
-    report = _measured(name, quick, Content(content, parse_crop(crop) if crop else None), out, plot)
+    report, seen = _measured(name, quick, Content(content, parse_crop(crop) if crop else None), out)
     for title, rows in (("", report.rows), ("The paper's wall", report.table2), ("One panel", report.frames)):
         if rows:
             out.table(title, rows[0].columns, [row.cells() for row in rows])
-    if plot is not None and name != _MESH:
+    if plot is not None and seen is not None:
+        mesh_plot(seen, plot)
+    elif plot is not None:
         panels_plot([row for row in report.rows if isinstance(row, PanelsRow)], plot)
     out.result(report)
 
 
-def _measured(name: str, quick: bool, content: Content, out: Output, plot: Path | None) -> BenchReport:
+def _measured(name: str, quick: bool, content: Content, out: Output) -> tuple[BenchReport, Seen | None]:
     def say(text: str) -> None:
         out.say(f"measuring {text} ...")
 
     if name == _POINTS:
-        return BenchReport(name, bench_points(quick, say, content.path))
+        return BenchReport(name, bench_points(quick, say, content.path)), None
     if name == _MESH:
-        if plot is not None and missing_packages():
-            raise InputError(f"--plot draws what the observer judged, and it is not installed: run {INSTALL[0]}")
         found = bench_mesh(quick, say, content.path)
-        if plot is not None and found.seen is not None:
-            mesh_plot(found.seen, plot)
-        return BenchReport(name, found.rows)
+        return BenchReport(name, found.rows), found.seen
     if name != _TERRAIN:
-        return BenchReport(name, BENCHES[name](quick, say))
+        return BenchReport(name, BENCHES[name](quick, say)), None
     done = bench_terrain(quick, say, content)
-    return BenchReport(name, done.rows, done.table2, done.frames)
+    return BenchReport(name, done.rows, done.table2, done.frames), None

@@ -7,7 +7,6 @@ in the user's cache folder. It counts only for the very file it was made from: s
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import zlib
 from pathlib import Path
@@ -17,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.machine import cache_folder
+from limen.data.machine import place_in_cache
 from limen.data.pages import Pyramid
 from limen.data.partial import write_bytes
 from limen.errors import InputError, StorageError
@@ -139,8 +138,7 @@ def faint_shares(path: Path, pyramid: Pyramid, contrast: float = 0.01) -> list[f
 
 
 def _in_cache(path: Path) -> Path:
-    key = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
-    return cache_folder() / f"{path.name}-{key}.contrast"
+    return place_in_cache(path.name, str(path.resolve()), ".contrast")
 
 
 def _encoded(path: Path, pyramid: Pyramid, pages: PageBytes) -> bytes:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from pathlib import Path
 
-__all__ = ["cache_folder", "worker_count"]
+__all__ = ["cache_folder", "place_in_cache", "worker_count"]
 
 
 def worker_count() -> int:
@@ -24,3 +25,8 @@ def cache_folder() -> Path:
         wanted = Path(tempfile.gettempdir()) / f"limen-cache-{os.getuid() if hasattr(os, 'getuid') else 0}"
         wanted.mkdir(parents=True, exist_ok=True)
     return wanted
+
+
+def place_in_cache(name: str, key: str, ending: str) -> Path:
+    """Where the cache keeps what ``key`` tells apart from all else; ``name`` is for people who look into it."""
+    return cache_folder() / f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:12]}{ending}"

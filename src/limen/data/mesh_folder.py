@@ -12,7 +12,6 @@ ends with a checksum (CRC-32C).
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import time
 from pathlib import Path
 from typing import Any
@@ -22,28 +21,22 @@ import numpy as np
 import zarr
 
 from limen.data.footprint import Footprint
-from limen.data.machine import cache_folder
+from limen.data.machine import place_in_cache
 from limen.data.mesh import Mesh
 from limen.data.mesh_file import open_mesh
-from limen.data.partial import PartialFolder, is_disk_full, write_bytes
+from limen.data.partial import PartialFolder, is_disk_full
 from limen.data.tree_build import build_vertex_tree
 from limen.data.vertex_tree import MASK_WORDS, VertexTree
-from limen.data.zarr_folder import (
-    FILES,
-    checked_header,
-    create_table,
-    is_group_folder,
-    list_files,
-    opening,
-    table_of,
-)  # fmt: skip
+from limen.data.zarr_folder import checked_header, create_table, is_group_folder, is_made_of, opening, seal, table_of
 from limen.errors import FormatError, InputError, MissingFileError, StorageError
 
 __all__ = ["MeshReport", "ingest_mesh", "open_mesh_folder", "tree_of"]
 
 _VERSION = 1
-_MESH = ("positions", "triangles", "normals", "colours", "uv", "layers", "textures", "welds")
 _DECIDES = ("positions", "triangles", "normals", "colours", "uv", "layers", "textures")
+"""Arrays of a mesh that its tree, and how it is drawn, depend on."""
+
+_MESH = (*_DECIDES, "welds")
 _TREE = tuple(name for name in VertexTree._fields if name != "triangles")
 _NO_INNER_NODES: dict[str, Any] = {
     "middle": np.zeros((0, 3), np.float32),
@@ -138,10 +131,9 @@ def tree_of(mesh: Mesh) -> VertexTree:
         return build_vertex_tree(mesh) if tree is None else tree
     if mesh.path is None or mesh.size < _WORTH_KEEPING or not mesh.path.is_file():
         return build_vertex_tree(mesh)
-    wanted = hashlib.sha256(str(mesh.path.resolve()).encode()).hexdigest()[:12]
-    place = cache_folder() / f"{mesh.path.stem}-{wanted}.mesh"
+    place = place_in_cache(mesh.path.stem, str(mesh.path.resolve()), ".mesh")
     try:
-        if _header(place).source == _source_of(mesh.path) and (kept := _read_tree(place, mesh)) is not None:
+        if is_made_of(_header(place).source, mesh.path) and (kept := _read_tree(place, mesh)) is not None:
             return kept
     except (FormatError, MissingFileError):
         pass
@@ -186,6 +178,4 @@ def _write(path: Path, mesh: Mesh, tree: VertexTree, source: MeshSource) -> int:
         except OSError as error:
             cure = "free some space" if is_disk_full(error) else "choose another place"
             raise StorageError(f"{path}: cannot be written: {error.strerror or error}; {cure}") from error
-        files = list_files(folder)
-        write_bytes(folder / FILES, msgspec.json.encode(files))
-    return sum(files.values())
+        return seal(folder)

@@ -10,7 +10,7 @@ from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
 from limen.data.image import CACHE_BYTES, Image, existing_file, open_image
 from limen.data.mesh import Mesh
-from limen.data.mesh_file import is_mesh_folder, mesh_type, open_mesh
+from limen.data.mesh_file import is_mesh, is_mesh_folder, mesh_type, open_mesh
 from limen.errors import FormatError
 
 if TYPE_CHECKING:
@@ -53,13 +53,7 @@ def open_content(
 
 def open_picture(path: str | Path) -> Image:
     """An image, where nothing else will do; a FormatError says so of a mesh or a terrain, else as `open_content`."""
-    kind = (
-        "a terrain"
-        if is_terrain(path)
-        else "a mesh"
-        if is_mesh_folder(path) or mesh_type(existing_file(path))
-        else None
-    )
+    kind = "a terrain" if is_terrain(path) else "a mesh" if is_mesh(path) else None
     if kind is not None:
         raise FormatError(f"{path}: is {kind}, and an image is wanted here; `limen show {path}` draws it")
     return open_image(path)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from limen.data.cloud_file import Batch, Cloud, open_cloud
 from limen.data.footprint import Footprint
 from limen.data.machine import worker_count
-from limen.data.partial import PartialFolder, is_disk_full, write_bytes
+from limen.data.partial import PartialFolder, is_disk_full
 from limen.data.point_buckets import Spool, along_curve
 from limen.data.point_contrast import ChunkContrasts, Neighbourhood, ranges_of
 from limen.data.point_nodes import CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, LEVEL_BEGIN, NODE, ChunkFrame
@@ -30,7 +30,7 @@ from limen.data.point_tops import tops_of
 from limen.data.points_file import is_points_folder
 from limen.data.points_store import CHUNKS_A_SHARD, CloudSource, PointsHeader, create_chunks
 from limen.data.points_tree import NEUTRAL, POINT, Lattice, arranged, chunks_of, hilbert_order, pack_points
-from limen.data.zarr_folder import FILES, create_table, list_files
+from limen.data.zarr_folder import create_table, seal
 from limen.errors import InputError, StorageError
 from limen.geometry import Floats
 from limen.vision.luminance import Photometry
@@ -99,8 +99,7 @@ def ingest_points(
             if is_disk_full(error):
                 raise StorageError(f"{dst}: the disk is full; free some space in {dst.parent}") from error
             raise
-        files = list_files(folder)
-        write_bytes(folder / FILES, msgspec.json.encode(files))
+        size = seal(folder)
     assert header.source is not None
     return PointsReport(
         path=str(dst),
@@ -110,7 +109,7 @@ def ingest_points(
         chunks=-(-header.points // CHUNK_POINTS),
         colours=header.colours,
         normals=header.normals,
-        bytes=sum(files.values()),
+        bytes=size,
         notes=header.source.notes,
     )
 

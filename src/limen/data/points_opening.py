@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
 from limen.data.cloud_file import open_cloud
 from limen.data.image import existing_file
-from limen.data.machine import cache_folder
+from limen.data.machine import place_in_cache
 from limen.data.point_nodes import CHUNK_POINTS, counts_of_levels
 from limen.data.points_file import Points, PointsInfo
 from limen.data.points_ingest import ingest_points
+from limen.data.zarr_folder import is_made_of
 from limen.errors import FormatError, MissingFileError, NeedsIngestError
 
 __all__ = ["LARGEST_AT_ONCE_POINTS", "cloud_info", "open_points"]
@@ -31,8 +31,7 @@ def open_points(path: str | Path, *, progress: Callable[[float], None] | None = 
     if path.suffix.lower() == ".points":
         return Points.open(path)
     path = existing_file(path)
-    wanted = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
-    place = cache_folder() / f"{path.stem}-{wanted}.points"
+    place = place_in_cache(path.stem, str(path.resolve()), ".points")
     if (kept := _kept(place, path)) is not None:
         return kept
     count = open_cloud(path).count
@@ -79,6 +78,4 @@ def _kept(place: Path, source: Path) -> Points | None:
         points = Points.open(place)
     except (FormatError, MissingFileError):
         return None
-    state, made_of = source.stat(), points.header.source
-    same = made_of is not None and (made_of.bytes, made_of.mtime_ns) == (state.st_size, state.st_mtime_ns)
-    return points if same else None
+    return points if is_made_of(points.header.source, source) else None

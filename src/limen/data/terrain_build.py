@@ -23,7 +23,7 @@ from limen.data.footprint import Footprint
 from limen.data.image import existing_file
 from limen.data.machine import worker_count
 from limen.data.pages import Pyramid
-from limen.data.partial import PartialFolder, is_disk_full, write_bytes
+from limen.data.partial import PartialFolder, is_disk_full
 from limen.data.terrain_file import is_terrain_folder
 from limen.data.terrain_kernels import MOST_CODE
 from limen.data.terrain_pages import MARGIN, PageWriter, Scale
@@ -31,7 +31,7 @@ from limen.data.terrain_patches import TABLES, PatchWriter, Tables, triangles_at
 from limen.data.terrain_store import BLOCK, Header, Source, create_posts
 from limen.data.tin_tree import grow_tree
 from limen.data.voids import CELL, REACH, complete, fill, pull
-from limen.data.zarr_folder import FILES, create_table, list_files
+from limen.data.zarr_folder import create_table, seal
 from limen.errors import FormatError, InputError, StorageError
 
 __all__ = ["TerrainReport", "code_range_m", "error_ladder_m", "ingest_terrain"]
@@ -92,8 +92,7 @@ def ingest_terrain(
             if is_disk_full(error):
                 raise StorageError(f"{dst}: the disk is full; free some space in {dst.parent}") from error
             raise
-        files = list_files(folder)
-        write_bytes(folder / FILES, msgspec.json.encode(files))
+        size = seal(folder)
     return TerrainReport(
         path=str(dst),
         seconds=round(time.perf_counter() - begin, 3),
@@ -103,7 +102,7 @@ def ingest_terrain(
         void_share=header.void_share,
         error_m=header.errors_m[-1],
         triangles=triangles_at(tables.nodes, tables.patches, header.errors_m[-1]),
-        bytes=sum(files.values()),
+        bytes=size,
         notes=source.notes,
     )
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable
 from pathlib import Path
 
 from limen.data.elevation import ElevationSource
 from limen.data.image import existing_file
-from limen.data.machine import cache_folder
+from limen.data.machine import place_in_cache
 from limen.data.terrain_build import ingest_terrain
 from limen.data.terrain_file import Terrain
+from limen.data.zarr_folder import is_made_of
 from limen.errors import FormatError, MissingFileError, NeedsIngestError
 
 __all__ = ["LARGEST_AT_ONCE_POSTS", "open_terrain"]
@@ -39,8 +39,8 @@ def open_terrain(
     path = existing_file(path)
     with ElevationSource(path, band=band, spacing_m=spacing_m) as source:
         size = source.size_posts
-        wanted = hashlib.sha256(repr((str(path.resolve()), source.band, source.spacing_m)).encode()).hexdigest()[:12]
-    place = cache_folder() / f"{path.stem}-{wanted}.terrain"
+        key = repr((str(path.resolve()), source.band, source.spacing_m))
+    place = place_in_cache(path.stem, key, ".terrain")
     if (kept := _kept(place, path)) is not None:
         return kept
     if math.prod(size) > LARGEST_AT_ONCE_POSTS:
@@ -58,5 +58,4 @@ def _kept(place: Path, source: Path) -> Terrain | None:
         terrain = Terrain.open(place)
     except (FormatError, MissingFileError):
         return None
-    state, made_of = source.stat(), terrain.header.source
-    return terrain if (made_of.bytes, made_of.mtime_ns) == (state.st_size, state.st_mtime_ns) else None
+    return terrain if is_made_of(terrain.header.source, source) else None

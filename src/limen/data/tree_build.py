@@ -133,8 +133,7 @@ def _rooted(mesh: Mesh, middle: Floats, size: float) -> _Forest:
 
 def _welds(mesh: Mesh) -> tuple[Ints, NDArray[np.bool_]]:
     """The first vertex at each one's place, (V,), and where textures meet; there every vertex is its own first."""
-    first = np.empty(len(mesh.positions), np.int32)
-    tree_node_kernels.weld_places((mesh.positions + np.float32(0)).view(np.int32), first)  # -0 becomes 0
+    first = tree_node_kernels.first_at_places(mesh.positions)
     apart = np.zeros(len(first), bool)
     if len(mesh.textures):
         other = (mesh.uv != mesh.uv[first]).any(axis=1) & (mesh.layers != NO_TEXTURE)

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 __all__ = [
     "CELLS_A_SIDE",
     "add_up",
     "cell_of",
+    "first_at_places",
     "leaf_regions",
     "merge_regions",
     "reach_up",
@@ -21,6 +23,13 @@ __all__ = [
 
 CELLS_A_SIDE = 8
 _EMPTY = -1
+
+
+def first_at_places(positions: NDArray[np.float32]) -> NDArray[np.int32]:
+    """The first vertex at each vertex's place: (V, 3) to (V,)."""
+    first = np.empty(len(positions), np.int32)
+    weld_places((positions + np.float32(0)).view(np.int32), first)  # -0 becomes 0
+    return first
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -36,7 +36,7 @@ class VertexTree(NamedTuple):
     colour: NDArray[np.uint8]  # (N, 4): sRGB and opacity
     middle: NDArray[np.float32]  # (N - V, 3): of a sphere around the region of support, original and folded
     radius: NDArray[np.float32]  # (N - V,)
-    displacement: NDArray[np.float32]  # (N - V,): how far folding moves the surface, below the node included; see below
+    displacement: NDArray[np.float32]  # (N - V,): how far folding moves the surface, below the node included; see above
     contrast: NDArray[np.uint8]  # (N - V,): code of the luminances folded against those of the region (vision.grades)
     mask: NDArray[
         np.uint64

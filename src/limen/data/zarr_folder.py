@@ -5,18 +5,19 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 import numpy as np
 import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
 
+from limen.data.partial import write_bytes
 from limen.errors import FormatError, MissingFileError, PageError
 
 __all__ = [
-    "FILES", "checked_header", "create_array", "create_table", "is_group_folder", "list_files", "one_line", "opening",
-    "reading", "table_of",
+    "FILES", "MadeOf", "checked_header", "create_array", "create_table", "is_group_folder", "is_made_of", "list_files",
+    "one_line", "opening", "reading", "seal", "table_of",
 ]  # fmt: skip
 
 FILES = "files.json"
@@ -63,6 +64,29 @@ def list_files(folder: Path) -> dict[str, int]:
     """Every file below ``folder`` but the list itself, and its size in bytes."""
     files = (path for path in folder.rglob("*") if path.is_file() and path.name != FILES)
     return {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
+
+
+def seal(folder: Path) -> int:
+    """List the files of a folder that is complete, so that a copy in part is found out; returns their bytes."""
+    files = list_files(folder)
+    write_bytes(folder / FILES, msgspec.json.encode(files))
+    return sum(files.values())
+
+
+class MadeOf(Protocol):
+    """What a folder says of the file that it was made of."""
+
+    @property
+    def bytes(self) -> int: ...
+
+    @property
+    def mtime_ns(self) -> int: ...
+
+
+def is_made_of(source: MadeOf | None, path: Path) -> bool:
+    """Whether a file is as it was when something was made of it."""
+    state = path.stat()
+    return source is not None and (source.bytes, source.mtime_ns) == (state.st_size, state.st_mtime_ns)
 
 
 def is_group_folder(path: Path) -> bool:

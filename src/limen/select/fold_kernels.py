@@ -11,10 +11,9 @@ import numpy as np
 from numba import njit
 
 from limen.select.facing import DIRECTIONS
-from limen.select.point_kernels import _is_outside, _least_allowed_m, _lit_range, _pixels, bin_of
+from limen.select.point_kernels import _is_outside, _least_allowed_m, _lit_range, _pixels, bin_of, code_of, contrast_of
 
 _UNFOLDED = -1
-_CODE_STEP = math.log(1000.0) / 254.0
 
 CREST = math.sqrt(2.0)
 """Amplitude of a sine over the root of its mean square: of light, over what normals ripple by."""
@@ -95,15 +94,12 @@ def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
     shown = ambient + share * (max(sign * toward_light, 0.0) + abs(toward_eye))
     least, most = ambient + share * (low + head_low), ambient + share * (high + head_high)
     ratio = max(most / shown, shown / max(least, 1e-9))
-    if code > 0:
-        contrast = 0.001 * math.exp((code - 1) * _CODE_STEP)
-        if contrast >= 1.0:
-            return 255
-        ratio *= (1.0 + contrast) / (1.0 - contrast)
+    contrast = contrast_of(code)
+    if contrast >= 1.0:
+        return 255
+    ratio *= (1.0 + contrast) / (1.0 - contrast)
     combined = (ratio - 1.0) / (ratio + 1.0)
-    if combined <= 0.001:
-        return 0 if combined <= 0.0 else 1
-    return min(255, math.ceil(math.log(combined / 0.001) / _CODE_STEP - 1e-9) + 1)
+    return code_of(combined)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -125,13 +121,7 @@ def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
     steep = math.sqrt(ax * ax + ay * ay + az * az)
     # Where light falls along the normal its change is of the second order, and there is always some: half the square.
     amplitude = CREST * share * (steep * ripple + 0.5 * ripple * ripple) / shown
-    if code > 0:
-        amplitude += 0.001 * math.exp((code - 1) * _CODE_STEP)
-    if amplitude >= 1.0:
-        return 255
-    if amplitude <= 0.001:
-        return 0 if amplitude <= 0.0 else 1
-    return min(255, math.ceil(math.log(amplitude / 0.001) / _CODE_STEP - 1e-9) + 1)
+    return code_of(amplitude + contrast_of(code))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -187,7 +177,7 @@ def _change_m(
         ripples = ripple_code(code, ripple, rx, ry, rz, ex, ey, ez, light)
     seen_m = REGION_SHARE * reach * slant * shares[ripples]
     if face == SILHOUETTE or moved <= seen_m:
-        return face, max(seen_m, moved) if face == SILHOUETTE else seen_m
+        return face, max(seen_m, moved)
     if light[4] != 0.0:
         code = shading_code(code, toward_light, toward_eye, spread, math.asin(sine), light[3])
     return face, max(seen_m, moved * shares[code])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.tree_node_kernels import weld_places
+from limen.data.tree_node_kernels import first_at_places
 from limen.data.vertex_tree import VertexTree
 from limen.geometry import Floats
 
@@ -56,9 +56,7 @@ def covers_of(tree: VertexTree) -> Covers | None:
     None where edges have more than two triangles or are turned against each other.
     """
     own = tree.position[: tree.vertices]
-    first = np.empty(len(own), np.int32)
-    weld_places((own + np.float32(0)).view(np.int32), first)  # -0 becomes 0
-    corners = first[tree.triangles].astype(np.int64)
+    corners = first_at_places(own)[tree.triangles].astype(np.int64)
     corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
     begin, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     # An edge as one number, the last bit of which tells its direction: sorted, those of two triangles lie side by side.

@@ -84,6 +84,20 @@ def _lit_range(cosine, spread, two_sided):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def contrast_of(code):
+    """As `limen.vision.grades.CONTRAST_OF_CODE` has it."""
+    return 0.0 if code == 0 else 0.001 * math.exp((code - 1) * _CODE_STEP)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def code_of(contrast):
+    """The smallest code that is no less than a contrast; the largest for all beyond 1."""
+    if contrast <= 0.001:
+        return 0 if contrast <= 0.0 else 1
+    return math.ceil(math.log(min(contrast, 1.0) / 0.001) / _CODE_STEP - 1e-9) + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _lit_code(code, nx, ny, nz, half, toward, margin, light):
     """The contrast code of a node whose normals are lit differently: half by the fixed light, half by the viewer's."""
     direct = nx * light[0] + ny * light[1] + nz * light[2]
@@ -93,14 +107,12 @@ def _lit_code(code, nx, ny, nz, half, toward, margin, light):
     share = light[3]
     least = share + (1.0 - share) * 0.5 * (low + head_low)
     most = share + (1.0 - share) * 0.5 * (high + head_high)
-    contrast = 0.0 if code == 0 else 0.001 * math.exp((code - 1) * _CODE_STEP)
+    contrast = contrast_of(code)
     if contrast >= 1.0:
         return 255
     ratio = (1.0 + contrast) / (1.0 - contrast) * most / max(least, 1e-6)
     combined = (ratio - 1.0) / (ratio + 1.0)
-    if combined <= 0.001:
-        return 0 if combined <= 0.0 else 1
-    return min(255, math.ceil(math.log(combined / 0.001) / _CODE_STEP - 1e-9) + 1)
+    return code_of(combined)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -7,14 +7,18 @@ Luebke, Hallen 2001, *Perceptually Driven Simplification for Interactive Renderi
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from limen.geometry import Floats
 from limen.select.detail import needed_share
+from limen.tolerance import Policy
 from limen.vision.grades import CONTRAST_OF_CODE
 
-__all__ = ["shares_of_codes"]
+__all__ = ["shares_of_codes", "shares_of_policy"]
 
 
 def shares_of_codes(luminance_cd_m2: ArrayLike) -> Floats:
@@ -32,3 +36,13 @@ def shares_of_codes(luminance_cd_m2: ArrayLike) -> Floats:
     shares = needed_share(CONTRAST_OF_CODE[1:, None], whites).max(axis=1)
     shares[-1] = 1.0  # a silhouette asks for all that acuity sees
     return np.concatenate([[0.0], np.maximum.accumulate(shares)])
+
+
+def shares_of_policy(policy: Policy, whites_cd_m2: Iterable[float]) -> Floats:
+    """`shares_of_codes` where a policy asks for contrasts, found once for panels of such whites; else ones."""
+    return _once(frozenset(whites_cd_m2)) if policy.eyesight.name == "contrast" else np.ones(256)
+
+
+@cache
+def _once(whites_cd_m2: frozenset[float]) -> Floats:
+    return shares_of_codes(list(whites_cd_m2))

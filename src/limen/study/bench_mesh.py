@@ -35,10 +35,11 @@ from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.scene import SceneRenderer, Simplified
 from limen.select.mesh import Foldable, FoldSight, select_mesh
-from limen.select.shares import shares_of_codes
+from limen.select.shares import shares_of_policy
 from limen.study.bench_points import PeerRow
 from limen.study.mesh_peers import PEERS, missing_package
 from limen.study.observer import WINDOW_PX, Observer, light_of, missing_packages
+from limen.study.peers import INSTALL
 from limen.study.surfaces import surface_error
 from limen.study.verify_scene import Pose, monitor, pixels_per_degree, random_poses, random_windows, standing
 from limen.tolerance import Policy, tolerance_of
@@ -96,7 +97,7 @@ def bench_mesh(quick: bool, say: Say, content: Path | None = None) -> MeshBench:
     made = {}
     for peer, make in PEERS.items():
         if package := missing_package(peer):
-            say(f"{peer}: skipped, {package} is not installed (pip install 'limen[bench]')")
+            say(f"{peer}: skipped, {package} is not installed ({INSTALL})")
             continue
         begin = time.process_time()
         made[peer] = make(mesh, most)
@@ -177,16 +178,15 @@ def _cuts(name: str, mesh: Mesh, foldable: Foldable, most: int, frames: int) -> 
     """What choosing costs a frame, processor time; all of the mesh is in sight."""
     scene = _Scene.of(mesh, frames)
     views = Windows(scene.display, pack(scene.display)[0]).seen_from(scene.viewer.eyes_m[0])
-    shares = shares_of_codes([panel.luminance_cd_m2 for panel in scene.display.panels])
+    whites = [panel.luminance_cd_m2 for panel in scene.display.panels]
     for policy in (Policy("contrast"), Policy("contrast", gaze=True), Policy("budget", most_items=most)):
         tolerance = tolerance_of([scene.viewer], policy.eyesight)
-        spent, asked = [], []
+        spent = []
         for pose in [scene.poses[0], *scene.poses]:  # the first also compiles
-            sight = FoldSight((views,), scene.stands(pose), tolerance, policy, shares)
+            sight = FoldSight((views,), scene.stands(pose), tolerance, policy, shares_of_policy(policy, whites))
             begin = time.process_time()
-            cut = select_mesh(foldable, sight)
+            select_mesh(foldable, sight)
             spent.append(time.process_time() - begin)
-            asked.append(cut.asked)
         median_s = statistics.median(spent[1:])
         yield _row(f"{name}: cut, {policy.title}", "limen", median_s * 1e3, "ms/frame")
         nodes = len(foldable.tree.position)

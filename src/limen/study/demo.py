@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Protocol
 
@@ -17,7 +16,7 @@ from PIL import Image as Picture
 
 from limen.data import ingest, sample_image
 from limen.data.image import Image
-from limen.data.machine import cache_folder
+from limen.data.machine import cache_folder, place_in_cache
 from limen.data.opening import open_picture
 from limen.data.partial import write_bytes
 from limen.display.display import Display
@@ -271,8 +270,7 @@ def _open_ready(content: Path, watch: Watch) -> Image:
         return open_picture(content)
     except NeedsIngestError:
         state = content.stat()
-        key = sha256(f"{content.resolve()} {state.st_size} {state.st_mtime_ns}".encode()).hexdigest()[:12]
-        path = cache_folder() / f"{content.stem}-{key}.tif"
+        path = place_in_cache(content.stem, f"{content.resolve()} {state.st_size} {state.st_mtime_ns}", ".tif")
         if not path.exists():
             with watch(f"making a pyramid of {content.name} (once)", 1.0) as step:
                 ingest(content, path, progress=_fraction(step))

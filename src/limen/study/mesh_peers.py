@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ctypes
 import importlib
-import importlib.util
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -19,6 +18,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from limen.data.mesh import Mesh, smooth_normals
+from limen.study.peers import missing_of
 
 __all__ = ["MADE_BY", "PEERS", "missing_package"]
 
@@ -42,8 +42,7 @@ _AGREES = 0.5  # cosine between a triangle's own normal and one that it may borr
 
 def missing_package(peer: str) -> str | None:
     """The package that a peer needs and that is not installed."""
-    package = MADE_BY[peer]
-    return package if importlib.util.find_spec(package) is None else None
+    return missing_of(MADE_BY, peer)
 
 
 def meshoptimizer(mesh: Mesh, most: int) -> Mesh:

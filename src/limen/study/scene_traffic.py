@@ -17,7 +17,7 @@ from limen.geometry import Floats
 from limen.points_stream import PointStream
 from limen.select.mesh import Foldable, FoldSight, select_mesh
 from limen.select.points import PointTree, Sight, select_points
-from limen.select.shares import shares_of_codes
+from limen.select.shares import shares_of_policy
 from limen.study.traffic import FRAMES_PER_S
 from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Frame, Session
@@ -110,7 +110,7 @@ def count_scene_traffic(
     """
     quilts = pack_outlines(display, max_size_px=1 << 16, max_px=1 << 31)
     windows = [Windows(display, quilt, guard_px=guard_of(display, quilt)) for quilt in quilts]
-    bright = shares_of_codes([panel.luminance_cd_m2 for panel in display.panels])
+    whites = [panel.luminance_cd_m2 for panel in display.panels]
     source: _Source = (
         _Triangles(content, room_from_content) if isinstance(content, Mesh) else _Splats(content, room_from_content)
     )
@@ -123,7 +123,7 @@ def count_scene_traffic(
             for frame in frames:
                 views = [each.seen_from(frame.viewers[0].position_m) for each in windows]
                 for policy in every:
-                    shares = bright if policy.eyesight.name == "contrast" else np.ones(256)
+                    shares = shares_of_policy(policy, whites)
                     parts = [source.counted(view, frame, policy, shares) for view in views]
                     seen[policy].append(
                         _Counted(

@@ -10,7 +10,6 @@ Ulrich 2002, *Rendering Massive Terrains using Chunked Level of Detail Control* 
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -19,11 +18,10 @@ import numpy as np
 
 from limen.errors import InputError
 from limen.geometry import Floats
+from limen.study.peers import INSTALL, missing_of
 from limen.study.triangulations import Posts, Triangles, residuals_m, true_error_m
 
 __all__ = ["INSTALL", "MADE_BY", "PEERS", "Made", "grid_triangles", "missing_package"]
-
-INSTALL = "pip install 'limen[bench]'"
 
 MADE_BY = {"delatin": "pydelatin", "martini": "pymartini", "vtk": "pyvista"}
 """The packages that peers need."""
@@ -43,8 +41,7 @@ class Made(NamedTuple):
 
 def missing_package(peer: str) -> str | None:
     """The package that a peer needs and that is not installed."""
-    package = MADE_BY.get(peer)
-    return package if package and importlib.util.find_spec(package) is None else None
+    return missing_of(MADE_BY, peer)
 
 
 def delatin(posts: Posts) -> Callable[[float], Made]:

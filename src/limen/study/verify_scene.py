@@ -210,7 +210,7 @@ class _View:
     def all(self, trials: Sequence[Trial]) -> list[Judged]:
         """A verdict for every trial, of the windows of this view."""
         shown = (self._full[..., :3] != self._full[0, 0, :3]).any(axis=-1)
-        at_random = self._random_window(shown)
+        (at_random,) = random_windows(shown, self._pose.seed)
         found = [self._of(trial, at_random) for trial in trials]
         return [Judged(tuple(pair[n][0] for pair in found), tuple(pair[n][1] for pair in found)) for n in range(2)]
 
@@ -258,9 +258,6 @@ class _View:
         sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
         gaze = np.array(self._gazing(trial.eccentricity_deg).gaze)
         return np.asarray(np.degrees(np.arccos(np.clip(sight @ gaze, -1, 1))).reshape(_SIDE, _SIDE))
-
-    def _random_window(self, shown: NDArray[np.bool_]) -> tuple[int, int]:
-        return random_windows(shown, self._pose.seed)[0]
 
 
 def random_windows(shown: NDArray[np.bool_], seed: int, count: int = 1) -> list[tuple[int, int]]:
