@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from point_reference import levels_of
 
-from limen.data import build_points
+from limen.data import build_points, point_contrast
+from limen.data.point_light_kernels import BRIGHTER, DARKER, code_of
 from limen.vision.grades import code_of_luminances
 from limen.vision.luminance import Photometry
 
@@ -37,17 +38,44 @@ def test_no_contrast_is_less_than_that_of_all_points_met(count, seed, noise, pow
         assert over.min() >= 0
 
 
-def test_of_groups_of_8_and_64_it_is_that_of_the_very_points():
+def test_of_groups_of_8_64_and_512_it_is_that_of_the_very_points():
     """Three chunks, so that groups at borders meet points of others."""
     chance = np.random.default_rng(3)
     places = np.concatenate([chance.random((9000, 2)) * 40, np.zeros((9000, 1))], axis=1)
     rgb = np.repeat((60 + 4 * places[:, :1]).astype(np.uint8), 3, axis=1)
     over = over_brute_force(build_points(places, rgb), Photometry.srgb())
-    for exact in over[:2]:
+    for exact in over[:3]:
         assert np.all(exact >= 0)
         assert np.mean(exact > 0) < 0.01
     # Nodes above look at nodes, which hold a little more: here less than twice the contrast, which is 25 codes.
     assert max(np.mean(each) for each in over[1:]) < 25
+
+
+def test_chunks_that_were_forgotten_are_decoded_again(monkeypatch):
+    """A long strip of 30 chunks, up to 14 of them near one: with room for 16, some have to go and are wanted again."""
+    chance = np.random.default_rng(6)
+    places = chance.random((120_000, 3)) * [1000.0, 1.0, 0.1]
+    rgb = np.repeat(chance.integers(40, 200, (120_000, 1)), 3, axis=1)
+    kept = [level.contrast for level in levels_of(build_points(places, rgb))[1:]]
+    monkeypatch.setattr(point_contrast, "_SLOTS", 16)
+    for ours, theirs in zip(levels_of(build_points(places, rgb))[1:], kept, strict=True):
+        assert np.array_equal(ours.contrast, theirs)
+
+
+LIGHT = st.floats(0, 1000, width=32)
+
+
+@given(LIGHT, LIGHT, LIGHT)
+def test_codes_are_the_smallest_that_are_enough(shown, one, other):
+    low, high = min(one, other), max(one, other)
+    code, plain = code_of(shown, low, high), int(code_of_luminances(shown, low, high))
+    assert plain <= code <= plain + 1  # luminances may be off by a millionth: then a code more
+
+
+@given(LIGHT, LIGHT, st.integers(0, 255))
+def test_what_raises_no_code_is_between_its_darker_and_its_brighter(shown, other, code):
+    if shown > 0 and shown * DARKER[code] <= other <= shown * BRIGHTER[code]:
+        assert int(code_of_luminances(shown, other, other)) <= code
 
 
 def test_a_dark_room_is_not_a_bright_one():

@@ -92,8 +92,7 @@ def fill_contrasts(chunks: Chunks, tops: tuple[NDArray[Any], ...], points: int, 
     near = Neighbourhood(
         stored, ranges_of(stored, points, photometry), chunks.frames, tops, points, photometry
     ).reader()
-    for chunk in range(len(stored)):
-        chunks.nodes["contrast"][chunk, : LEVEL_BEGIN[0]] = near.of(chunk)
+    chunks.nodes["contrast"][:, : LEVEL_BEGIN[0]] = near.of(0, len(stored))
     tops[0]["contrast"] = chunks.nodes["contrast"][:, LEVEL_BEGIN[CHUNK_LEVEL]]
 
 

@@ -135,10 +135,10 @@ class _Read(NamedTuple):
 
 
 class _Built(NamedTuple):
-    """What the second pass leaves: chunks and ranges in files."""
+    """What the second pass leaves: chunks in a file."""
 
     nodes: NDArray[np.uint8]  # (C, 4681, 16)
-    ranges: NDArray[np.float32]  # (C, 585, 2)
+    ranges: NDArray[np.float32]  # (C, 2)
     frames: ChunkFrame
     tops: tuple[NDArray[Any], ...]
 
@@ -191,11 +191,8 @@ class _Ingest:
             return _Read(spool.array(), lattice, least, most)
 
     def _build(self, read: _Read, origin: Floats) -> _Built:
-        frames, roots, total, done = [], [], len(read.points), 0
-        with (
-            Spool(self.folder, NODE, CHUNK_NODES) as nodes,
-            Spool(self.folder, np.dtype("<f4"), _INNER, 2) as ranges,
-        ):
+        frames, roots, ranges, total, done = [], [], [], len(read.points), 0
+        with Spool(self.folder, NODE, CHUNK_NODES) as nodes:
             for points, order in self._ordered(read):
                 tidy, radii = arranged(points, order, read.lattice.step, estimate=self.two_sided)
                 chunks = chunks_of(tidy, radii, read.lattice, origin, self.two_sided)
@@ -208,7 +205,7 @@ class _Ingest:
             frame = ChunkFrame._make(np.concatenate(field) for field in zip(*frames, strict=True))
             tops = tops_of(np.concatenate(roots), frame, total, self.two_sided)
             every = nodes.array().view(np.uint8).reshape(-1, CHUNK_NODES, NODE.itemsize)
-            return _Built(every, ranges.array(), frame, tops)
+            return _Built(every, np.concatenate(ranges), frame, tops)
 
     def _ordered(self, read: _Read) -> Iterator[tuple[NDArray[Any], NDArray[np.uint32]]]:
         """Points, and numbers of some of them along the curve: whole chunks, but for the last.
@@ -236,8 +233,7 @@ class _Ingest:
                 readers.own = near.reader()
             reader: ChunkContrasts = readers.own
             block = np.array(built.nodes[begin : begin + CHUNKS_A_SHARD])
-            for k, chunk in enumerate(block):
-                chunk[:_INNER, 7] = reader.of(begin + k)
+            block[:, :_INNER, 7] = reader.of(begin, begin + len(block))
             built.tops[0]["contrast"][begin : begin + len(block)] = block[:, LEVEL_BEGIN[CHUNK_LEVEL], 7]
             array[begin : begin + len(block)] = block
 
