@@ -5,7 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.hilbert_kernels import KEY_LEVELS, LATTICE_BITS, box_of, crowded, hilbert_keys, sort_digit
+from limen.data.hilbert_kernels import (
+    KEY_LEVELS,
+    LATTICE_BITS,
+    NUMBER_BITS,
+    box_of,
+    crowded,
+    hilbert_keys,
+    numbered,
+    sort_digit,
+)
 from limen.data.points_tree import hilbert_order
 
 
@@ -29,14 +38,19 @@ def test_fewer_levels_are_the_first_bits_of_more(levels, place):
     assert fine >> (3 * (KEY_LEVELS - levels)) == coarse
 
 
-def test_a_pass_of_the_sort_is_numpys_stable_one():
+def test_words_hold_keys_and_numbers_and_a_pass_of_the_sort_is_numpys_stable_one():
     chance = np.random.default_rng(1)
-    keys = chance.integers(0, 2**40, 5000, dtype=np.uint64)
-    out, order = np.empty_like(keys), np.empty(len(keys), np.uint32)
-    sort_digit(keys, np.arange(len(keys), dtype=np.uint32), 13, out, order)
-    expected = np.argsort(keys >> np.uint64(13) & np.uint64(2047), kind="stable")
-    assert np.array_equal(order, expected)
-    assert np.array_equal(out, keys[expected])
+    keys = chance.integers(0, 2**60, 5000, dtype=np.uint64)
+    order = chance.permutation(5000).astype(np.uint32)
+    words, out, counts = np.empty_like(keys), np.empty_like(keys), np.empty((3, 2048), np.int64)
+    numbered(keys, order, 13, words, counts)
+    parts = keys[order] >> np.uint64(13) & np.uint64(2**33 - 1)
+    assert np.array_equal(words, parts << np.uint64(NUMBER_BITS) | order)
+    for digit in range(3):
+        values = (parts >> np.uint64(11 * digit) & np.uint64(2047)).astype(np.int64)
+        assert np.array_equal(counts[digit], np.bincount(values, minlength=2048))
+        sort_digit(words, digit, counts, out)
+        assert np.array_equal(out, words[np.argsort(values, kind="stable")])
 
 
 @settings(max_examples=25, deadline=None)
@@ -59,9 +73,10 @@ def test_boxes_and_crowds_are_numpys(places, longest):
     box = np.empty((2, 3))
     box_of(positions, box)
     assert np.array_equal(box, [positions.min(axis=0), positions.max(axis=0)])
-    keys = np.sort(positions[:, 0] // 200)
+    keys = np.sort(positions[:, 0] // 200 + 5).astype(np.uint64)
+    words = keys << np.uint64(NUMBER_BITS) | np.arange(len(keys), dtype=np.uint64)
     _, counts = np.unique(keys, return_counts=True)
-    assert crowded(keys, longest) == counts[counts > longest].sum()
+    assert crowded(words, longest) == counts[counts > longest].sum()
 
 
 def test_where_points_are_much_denser_than_elsewhere_all_levels_count():

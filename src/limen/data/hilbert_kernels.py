@@ -17,9 +17,11 @@ __all__ = [
     "DIGIT_BITS",
     "KEY_LEVELS",
     "LATTICE_BITS",
+    "NUMBER_BITS",
     "box_of",
     "crowded",
     "hilbert_keys",
+    "numbered",
     "round_to_lattice",
     "sort_digit",
 ]
@@ -32,6 +34,9 @@ KEY_LEVELS = 21
 
 DIGIT_BITS = 11
 """Bits that one pass of the sort looks at: counters of all digits stay in the first cache."""
+
+NUMBER_BITS = 31
+"""Of a 64-bit word that is sorted, behind three digits of a key: whose key it is."""
 
 
 def _steps() -> NDArray[np.uint8]:
@@ -91,11 +96,11 @@ def box_of(places: Any, box: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def crowded(keys: Any, longest: int) -> int:
-    """How many of some sorted keys (N,) are among more than ``longest`` equal ones."""
-    found, begin = 0, 0
-    for i in range(1, keys.shape[0] + 1):
-        if i == keys.shape[0] or keys[i] != keys[begin]:
+def crowded(words: Any, longest: int) -> int:
+    """How many of some sorted words (N,) are among more than ``longest`` whose keys are equal."""
+    found, begin, behind = 0, 0, np.uint64(NUMBER_BITS)
+    for i in range(1, words.shape[0] + 1):
+        if i == words.shape[0] or words[i] >> behind != words[begin] >> behind:
             if i - begin > longest:
                 found += i - begin
             begin = i
@@ -113,38 +118,63 @@ def round_to_lattice(positions: Any, low: Any, step: float, places: Any) -> None
 
 
 @njit(cache=True, nogil=True)
+def _spread(number: Any) -> Any:
+    """Two zeros behind each of 21 bits."""
+    bits = np.uint64(number)
+    bits = (bits | bits << np.uint64(32)) & np.uint64(0x1F00000000FFFF)
+    bits = (bits | bits << np.uint64(16)) & np.uint64(0x1F0000FF0000FF)
+    bits = (bits | bits << np.uint64(8)) & np.uint64(0x100F00F00F00F00F)
+    bits = (bits | bits << np.uint64(4)) & np.uint64(0x10C30C30C30C30C3)
+    return (bits | bits << np.uint64(2)) & np.uint64(0x1249249249249249)
+
+
+@njit(cache=True, nogil=True)
 def hilbert_keys(places: Any, levels: int, keys: Any) -> None:
     """Keys (N,) uint64 of ``3 * levels`` bits, for the top bits of places (N, 3) int32 on the lattice."""
-    pairs, odd = levels // 2, levels % 2
+    down = LATTICE_BITS - levels
     for i in range(places.shape[0]):
-        x, y, z = np.uint32(places[i, 0]), np.uint32(places[i, 1]), np.uint32(places[i, 2])
-        key, state, shift = np.uint64(0), np.uint32(0), LATTICE_BITS - 2
+        x, y, z = _spread(places[i, 0] >> down), _spread(places[i, 1] >> down), _spread(places[i, 2] >> down)
+        keys[i] = x | y << np.uint64(1) | z << np.uint64(2)
+    # Octants now follow each other, the largest first.
+    pairs, odd, top = levels // 2, levels % 2, np.uint64(3 * levels)
+    for i in range(keys.shape[0]):
+        octants, key, state, shift = keys[i], np.uint64(0), np.uint64(0), top
         for _ in range(pairs):
-            a, b, c = (x >> shift) & 3, (y >> shift) & 3, (z >> shift) & 3
-            both = (a >> 1 | (b >> 1) << 1 | (c >> 1) << 2) << 3 | (a & 1 | (b & 1) << 1 | (c & 1) << 2)
-            step = np.uint32(_DOUBLE[state * 64 + both])
-            key = key << np.uint64(6) | np.uint64(step & 63)
-            state = step >> 6
-            shift -= 2
+            shift -= np.uint64(6)
+            step = np.uint64(_DOUBLE[state << np.uint64(6) | octants >> shift & np.uint64(63)])
+            key = key << np.uint64(6) | step & np.uint64(63)
+            state = step >> np.uint64(6)
         if odd:
-            shift += 1
-            octant = (x >> shift) & 1 | ((y >> shift) & 1) << 1 | ((z >> shift) & 1) << 2
-            key = key << np.uint64(3) | np.uint64(_STEPS[state * 8 + octant])
+            key = key << np.uint64(3) | np.uint64(_STEPS[state << np.uint64(3) | octants & np.uint64(7)])
         keys[i] = key
 
 
 @njit(cache=True, nogil=True)
-def sort_digit(keys: Any, order: Any, shift: int, keys_out: Any, order_out: Any) -> None:
-    """One stable pass by the `DIGIT_BITS` bits of keys (N,) from ``shift`` on; ``order`` (N,) goes along."""
-    begin = np.zeros((1 << DIGIT_BITS) + 1, np.int64)
-    mask, down = np.uint64((1 << DIGIT_BITS) - 1), np.uint64(shift)
-    for i in range(keys.shape[0]):
-        begin[np.int64((keys[i] >> down) & mask) + 1] += 1
-    for digit in range(1 << DIGIT_BITS):
-        begin[digit + 1] += begin[digit]
-    for i in range(keys.shape[0]):
-        own = np.int64((keys[i] >> down) & mask)
-        to = begin[own]
-        begin[own] = to + 1
-        keys_out[to] = keys[i]
-        order_out[to] = order[i]
+def numbered(keys: Any, order: Any, shift: int, words: Any, counts: Any) -> None:
+    """Bits of keys (N,) from ``shift`` on with what stands in ``order`` (N,) behind them, in its order: ``words`` (N,).
+
+    ``counts`` (3, 2048) are how often each of their digits is there.
+    """
+    down, digit = np.uint64(shift), np.uint64((1 << DIGIT_BITS) - 1)
+    counts[:] = 0
+    for i in range(order.shape[0]):
+        key = (keys[order[i]] >> down) & np.uint64((1 << 3 * DIGIT_BITS) - 1)
+        counts[0, key & digit] += np.int64(1)
+        counts[1, key >> np.uint64(DIGIT_BITS) & digit] += np.int64(1)
+        counts[2, key >> np.uint64(2 * DIGIT_BITS)] += np.int64(1)
+        words[i] = key << np.uint64(NUMBER_BITS) | np.uint64(order[i])
+
+
+@njit(cache=True, nogil=True)
+def sort_digit(words: Any, number: int, counts: Any, out: Any) -> None:
+    """One stable pass by a digit of words (N,), of which there are ``counts`` (3, 2048), which are overwritten."""
+    begin, down, digit = 0, np.uint64(NUMBER_BITS + number * DIGIT_BITS), np.uint64((1 << DIGIT_BITS) - 1)
+    for value in range(1 << DIGIT_BITS):
+        count = counts[number, value]
+        counts[number, value] = begin
+        begin += count
+    for i in range(words.shape[0]):
+        own = words[i] >> down & digit
+        to = counts[number, own]
+        counts[number, own] = to + 1
+        out[to] = words[i]

@@ -18,7 +18,16 @@ from numba import njit
 
 from limen.data.point_nodes import CHUNK_POINTS, FAN
 
-__all__ = ["NO_NORMAL", "WIDTH", "cones", "mean_normals", "pack_normal", "pack_normals_into", "unpack_normals"]
+__all__ = [
+    "NO_NORMAL",
+    "WIDTH",
+    "cones",
+    "mean_normals",
+    "pack_normal",
+    "pack_normals_into",
+    "pack_words",
+    "unpack_normals",
+]
 
 NO_NORMAL = -128
 """In place of an octahedral code, where nothing is known."""
@@ -57,6 +66,25 @@ def pack_normals_into(normals: Any, codes: Any) -> None:
             pack_normal(x, y, z, codes[i])
         else:
             codes[i, 0], codes[i, 1] = NO_NORMAL, NO_NORMAL
+
+
+@njit(cache=True, nogil=True)
+def pack_words(places: Any, rgb: Any, intensity: Any, normals: Any, words: Any) -> None:
+    """Points as words (N, 5) uint32: ``places`` (N, 3) int32, ``rgb`` (N, 3) and ``intensity`` (N,) bytes, octahedral
+    ``normals`` (N, 2) int8. Where a table is empty, the intensity is 0, and no normal is known.
+    """
+    unknown = np.uint32(NO_NORMAL & 255)
+    for i in range(places.shape[0]):
+        for axis in range(3):
+            words[i, axis] = np.uint32(places[i, axis])
+        look = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
+        if intensity.shape[0] > 0:
+            look |= np.uint32(intensity[i]) << np.uint32(24)
+        words[i, 3] = look
+        u, v = unknown, unknown
+        if normals.shape[0] > 0:
+            u, v = np.uint32(normals[i, 0]) & np.uint32(255), np.uint32(normals[i, 1]) & np.uint32(255)
+        words[i, 4] = u | v << np.uint32(8)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -124,44 +124,53 @@ def _near(x: Any, y: Any, z: Any, first: Any, second: Any, third: Any, squares: 
 
 
 @njit(cache=True, nogil=True)
-def _radii(near: Any, lane: int, count: int, step: float, radii: Any) -> None:
-    """Of a lane's points: the third distance, or the last there is, but not much more than is typical."""
-    total = np.float32(0.0)
-    for i in range(count):
-        d = np.float32(0.0)
-        for k in range(NEIGHBOURS):
-            if near[k, i * LANES + lane] < _FAR:
-                d = near[k, i * LANES + lane]
+def _radii(near: Any, step: float, count: int, radii: Any) -> None:
+    """Of points, lane by lane: the third distance, or the last there is, but not much more than is typical."""
+    first, second, third = near[0], near[1], near[2]
+    for i in range(radii.shape[0]):
+        d = first[i] if first[i] < _FAR else np.float32(0.0)
+        d = second[i] if second[i] < _FAR else d
+        d = third[i] if third[i] < _FAR else d
         radii[i] = np.sqrt(d) * np.float32(step)
-        total += np.sqrt(radii[i])
+    most = np.zeros(LANES, np.float32)
+    for row in range(0, radii.shape[0], LANES):
+        for lane in range(LANES):
+            most[lane] += np.sqrt(radii[row + lane])
     # The mean of roots: one that is far away weighs little in it.
-    typical = total / np.float32(count)
-    most = typical * typical * _WIDEST
-    for i in range(count):
-        radii[i] = min(radii[i], most)
+    for lane in range(LANES):
+        held = min(max(count - lane * GROUP, 1), GROUP)
+        typical = most[lane] / np.float32(held)
+        most[lane] = typical * typical * _WIDEST
+    for row in range(0, radii.shape[0], LANES):
+        for lane in range(LANES):
+            radii[row + lane] = min(radii[row + lane], most[lane])
 
 
 @njit(cache=True, nogil=True)
-def _gather(places: Any, order: Any, at: Any, label: Any) -> None:
+def _gather(words: Any, order: Any, begin: int, count: int, at: Any, label: Any) -> None:
     """Places of up to ``LANES`` groups, each relative to its first point, side by side."""
     for lane in range(LANES):
-        begin = min(lane * GROUP, order.shape[0])
-        count = min(GROUP, order.shape[0] - begin)
-        for i in range(count):
-            for axis in range(3):
-                at[axis, i * LANES + lane] = np.float32(places[order[begin + i], axis] - places[order[begin], axis])
-            label[i * LANES + lane] = i
-        for i in range(count, GROUP):
-            for axis in range(3):
-                at[axis, i * LANES + lane] = _FAR
-            label[i * LANES + lane] = i
+        first = min(lane * GROUP, count)
+        held = min(GROUP, count - first)
+        if held > 0:
+            origin = order[begin + first]
+            x, y, z = np.int32(words[origin, 0]), np.int32(words[origin, 1]), np.int32(words[origin, 2])
+        for i in range(held):
+            source, to = order[begin + first + i], i * LANES + lane
+            at[0, to] = np.float32(np.int32(words[source, 0]) - x)
+            at[1, to] = np.float32(np.int32(words[source, 1]) - y)
+            at[2, to] = np.float32(np.int32(words[source, 2]) - z)
+            label[to] = i
+        for i in range(held, GROUP):
+            to = i * LANES + lane
+            at[0, to], at[1, to], at[2, to], label[to] = _FAR, _FAR, _FAR, i
 
 
 @njit(cache=True, nogil=True)
-def arrange(places: Any, rows: Any, order: Any, step: float, out_places: Any, out_rows: Any, radii: Any) -> None:
+def arrange(words: Any, order: Any, step: float, out: Any, radii: Any) -> None:
     """Points in ``order`` (N,), each 64 split into eights, with radii (N,) in metres for a lattice of ``step`` metres.
 
-    ``places`` (N, 3) int32 and ``rows`` (N, 8) uint8 (what is not place) view what comes in, ``out_*`` what goes out.
+    ``words`` (M, 5) uint32 are what comes in, ``out`` (N, 5) what goes out: places, and two words that go along.
     """
     size = GROUP * LANES
     at, spare = np.empty((3, size), np.float32), np.empty((3, size), np.float32)
@@ -173,8 +182,8 @@ def arrange(places: Any, rows: Any, order: Any, step: float, out_places: Any, ou
     label, spare_label = np.empty(size, np.int32), np.empty(size, np.int32)
     lower, upper = np.empty(size, np.int32), np.empty(size, np.int32)
     for begin in range(0, order.shape[0], size):
-        own = order[begin : begin + size]
-        _gather(places, own, at, label)
+        total = min(size, order.shape[0] - begin)
+        _gather(words, order, begin, total, at, label)
         part = size
         while part > FAN * LANES:
             for low in range(0, size, part):
@@ -187,13 +196,12 @@ def arrange(places: Any, rows: Any, order: Any, step: float, out_places: Any, ou
                 at[0, low:high], at[1, low:high], at[2, low:high],
                 near[0, low:high], near[1, low:high], near[2, low:high], squares,
             )  # fmt: skip
-        for lane in range(-(-own.shape[0] // GROUP)):
+        _radii(near, step, total, squares)
+        for lane in range(-(-total // GROUP)):
             first = lane * GROUP
-            count = min(GROUP, own.shape[0] - first)
-            _radii(near, lane, count, step, radii[begin + first : begin + first + count])
-            for i in range(count):
-                source = own[first + label[i * LANES + lane]]
-                for axis in range(3):
-                    out_places[begin + first + i, axis] = places[source, axis]
-                for b in range(8):
-                    out_rows[begin + first + i, b] = rows[source, b]
+            for i in range(min(GROUP, total - first)):
+                own = i * LANES + lane
+                source, to = order[begin + first + label[own]], begin + first + i
+                radii[to] = squares[own]
+                for word in range(5):
+                    out[to, word] = words[source, word]

@@ -14,13 +14,15 @@ from limen.data.hilbert_kernels import (
     DIGIT_BITS,
     KEY_LEVELS,
     LATTICE_BITS,
+    NUMBER_BITS,
     box_of,
     crowded,
     hilbert_keys,
+    numbered,
     round_to_lattice,
     sort_digit,
 )
-from limen.data.point_cone_kernels import NO_NORMAL, pack_normals_into
+from limen.data.point_cone_kernels import pack_normals_into, pack_words
 from limen.data.point_group_kernels import arrange
 from limen.data.point_node_kernels import build_chunks
 from limen.data.point_nodes import CHUNK_NODES, CHUNK_POINTS, NODE, ChunkFrame
@@ -116,11 +118,12 @@ def pack_points(
     normals: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
     """Points (N,) of dtype `POINT`: positions (N, 3) in the file's coordinates, sRGB (N, 3), normals (N, 3)."""
-    points = np.zeros(len(positions), POINT)
-    points["place"] = lattice.places_of(positions)
-    points["rgb"] = rgb
-    points["intensity"] = 0 if intensity is None else intensity
-    points["normal"] = NO_NORMAL if normals is None else pack_normals(normals)
+    points = np.empty(len(positions), POINT)
+    grey = np.empty(0, np.uint8) if intensity is None else intensity
+    codes = np.empty((0, 2), np.int8) if normals is None else pack_normals(normals)
+    pack_words(
+        lattice.places_of(positions), np.ascontiguousarray(rgb), np.ascontiguousarray(grey), codes, _words(points)
+    )
     return points
 
 
@@ -134,27 +137,30 @@ def hilbert_order(places: NDArray[np.int32]) -> NDArray[np.uint32]:
     box_of(places, box)
     shared = LATTICE_BITS - int(np.bitwise_or.reduce(box[0] ^ box[1])).bit_length()
     levels = min(shared + _SORTED_LEVELS, KEY_LEVELS)
-    keys, order = _sorted(places, shared, levels)
-    if levels < KEY_LEVELS and crowded(keys, _LONG_RUN) > 0.01 * len(keys):
-        return _sorted(places, shared, KEY_LEVELS)[1]
-    return order
+    words = _sorted(places, levels)
+    if levels < KEY_LEVELS and crowded(words, _LONG_RUN) > 0.01 * len(words):
+        words = _sorted(places, KEY_LEVELS)
+    return words.astype(np.uint32) & np.uint32((1 << NUMBER_BITS) - 1)
 
 
-def _sorted(places: NDArray[np.int32], shared: int, levels: int) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
-    """Sorted keys of so many levels, of which all points share the first few, and the points' numbers."""
+def _sorted(places: NDArray[np.int32], levels: int) -> NDArray[np.uint64]:
+    """Points' numbers behind their keys of so many levels, in order; of all levels, behind the upper half of the key.
+
+    A word has room for eleven levels: more are sorted twice, by the lower ones first.
+    """
     keys = np.empty(len(places), np.uint64)
     hilbert_keys(places, levels, keys)
     order = np.arange(len(keys), dtype=np.uint32)
-    spare_keys, spare_order = np.empty_like(keys), np.empty_like(order)
-    for shift in range(0, 3 * (levels - shared), DIGIT_BITS):
-        sort_digit(keys, order, shift, spare_keys, spare_order)
-        keys, order, spare_keys, spare_order = spare_keys, spare_order, keys, order
-    return keys, order
-
-
-def _views(points: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-    """Places (N, 3), and the bytes behind them (N, 8)."""
-    return points["place"], points.view(np.uint8).reshape(len(points), POINT.itemsize)[:, 12:]
+    words, spare = np.empty_like(keys), np.empty_like(keys)
+    counts = np.empty((3, 1 << DIGIT_BITS), np.int64)
+    upper = 3 * max(levels - _SORTED_LEVELS, 0)
+    for shift in [0, upper] if levels == KEY_LEVELS else [0]:
+        numbered(keys, order, shift, words, counts)
+        for digit in range(3):
+            sort_digit(words, digit, counts, spare)
+            words, spare = spare, words
+        order = words.astype(np.uint32) & np.uint32((1 << NUMBER_BITS) - 1)
+    return words
 
 
 def _words(points: NDArray[Any]) -> NDArray[np.uint32]:
@@ -170,7 +176,7 @@ def arranged(
     With ``estimate`` their normals are made of their neighbours.
     """
     tidy, radii = np.empty(len(order), points.dtype), np.empty(len(order), np.float32)
-    arrange(*_views(points), order, step, *_views(tidy), radii)
+    arrange(_words(points), order, step, _words(tidy), radii)
     if estimate:
         estimate_normals(tidy["place"], radii, step, tidy["normal"])
     return tidy, radii
