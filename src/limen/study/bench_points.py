@@ -99,7 +99,7 @@ def _built(hall: Scanned, *, estimate: bool) -> Iterator[PeerRow]:
     how = "normals estimated" if estimate else "normals given"
     for part, seconds in times.items():
         yield PeerRow(what=f"build, {how}: {part}", peer="limen", value=seconds / count * 1e9, unit="ns/point")
-    whole = sum(times.values()) - times["packing"]
+    whole = sum(times.values())
     yield PeerRow(what=f"build in memory, {how}", peer="limen", value=count / whole / 1e6, unit="million points/s")
 
 
