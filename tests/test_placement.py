@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,9 +11,14 @@ import pytest
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.placement import arrangement_of, mesh_in_room
+from limen.stage import SceneSettings
 from limen.track.stand import standing_viewer
 
 BOX = np.array([(-1.0, 0.0, 2.0), (3.0, 2.0, 3.0)])
+
+
+class Box(NamedTuple):
+    bounds: np.ndarray
 
 
 @pytest.mark.parametrize(
@@ -80,3 +86,18 @@ def test_what_has_no_size_is_refused() -> None:
     for size_m in (0.0, -1.0, float("inf"), float("nan")):
         with pytest.raises(InputError, match="positive number of metres"):
             mesh_in_room(BOX, Display.preset("desktop"), size_m=size_m)
+
+
+def test_what_turns_moves_about_its_middle_unless_time_is_paused() -> None:
+    settings, desk = SceneSettings(animate="turn"), Display.preset("desktop")
+    box = Box(BOX)
+    moves = settings.motion(box, desk, 1.5)
+    before, after = (settings.room_from_mesh(box, desk, time_s) for time_s in (1.49, 1.51))
+    places = np.concatenate([BOX, [BOX.mean(axis=0)]])
+    ways = (places @ (after - before)[:3, :3].T + (after - before)[:3, 3]) / 0.02
+    stand = settings.room_from_mesh(box, desk, 1.5)
+    room = np.column_stack([places @ stand[:3, :3].T + stand[:3, 3], np.ones(3)])
+    np.testing.assert_allclose(room @ moves.T, ways, atol=1e-4)
+    assert np.linalg.norm(ways[0]) > 0.01 > 1e-6 > np.linalg.norm(ways[2])
+    assert not settings.motion(box, desk, 1.5, paused=True).any()
+    assert not SceneSettings().motion(box, desk, 1.5).any()

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 import limen
 from limen.errors import InputError
-from limen.tolerance import Policy, scheel_px, tolerance_of
+from limen.tolerance import STANDS, Policy, scheel_px, tolerance_of
 from limen.vision.acuity import acuity_from, acuity_level, optimal_distance_m
+from limen.vision.motion import motion_scale
 
 places = st.tuples(*[st.floats(-9, 9)] * 3)
 acuities = st.floats(0.1, 10)
@@ -124,6 +125,10 @@ def test_policies_that_spend_a_number_of_items_say_how_many():
         ("budget:many", "is no policy: a number follows budget or size alone"),
         ("acuity:5", "is no policy: a number follows budget or size alone"),
         ("size+gaze:5", "no policy is named"),
+        ("size+motion:5", "no policy is named"),
+        ("contrast+gaze+gaze", "no policy is named"),
+        ("contrast+", "no policy is named"),
+        ("full+motion", "no policy is named"),
     ],
 )
 def test_what_may_be_spent_has_to_make_sense(text, says):
@@ -136,3 +141,30 @@ def test_a_number_of_items_is_for_meshes_and_points():
         tolerance_of([limen.Viewer((0, 0, 0))], Policy.parse("budget:100"))
     with pytest.raises(InputError, match="take budget for that"):
         Policy("acuity", most_items=5)
+
+
+def test_what_passes_is_allowed_more_by_its_own_velocity():
+    """A viewer walks to the right at 1 m/s: ahead, in 2 m, that is 28.6 degrees a second; where she walks to, none."""
+    walker = limen.Viewer((0, 0, 0), eye_separation_m=0.0, velocity_m_s=(1.0, 0, 0))
+    places = np.array([[0, 0, -2.0], [2.0, 0, 0], [0, 3.0, -4.0], [0, 0, 0]])
+    policy = Policy.parse("acuity+motion+gaze")
+    assert policy == Policy("acuity", gaze=True, motion=True)
+    assert policy.title == "acuity+gaze+motion"
+    policy = Policy("acuity", motion=True)
+    still = tolerance_of([walker], Policy("acuity")).allowed_m(places)
+    grown = tolerance_of([walker], policy, STANDS).allowed_m(places)
+    np.testing.assert_allclose(grown[:3] / still[:3], motion_scale(np.degrees([0.5, 0.0, 0.2])))
+    assert grown[3] == 0
+    # What turns about the upright at one radian a second, 1 m before an eye that stands, is passed as fast everywhere.
+    turns = np.array([[0, 0, 1.0, 0], [0, 0, 0, 0], [-1.0, 0, 0, 0]])
+    around = np.array([[0, 0, -1.0], [1.0, 0, 0], [0.6, 0, 0.8]])
+    stands = limen.Viewer((0, 0, 0), eye_separation_m=0.0)
+    ratio = tolerance_of([stands], policy, turns).allowed_m(around) / tolerance_of([stands], Policy()).allowed_m(around)
+    np.testing.assert_allclose(ratio, motion_scale(np.degrees(1.0)))
+    both = tolerance_of([walker, stands], policy, STANDS).allowed_m(places)
+    np.testing.assert_allclose(both, still, err_msg="whoever stands sees everything")
+
+
+def test_motion_is_for_what_stays_in_memory():
+    with pytest.raises(InputError, match=r"leave out \+motion"):
+        tolerance_of([limen.Viewer((0, 0, 0))], Policy("acuity", motion=True))

@@ -60,11 +60,12 @@ class LiveOutputs:
         if number == 0:  # one clock for all: what several screens show belongs together
             self._clock_s += 0.0 if self._paused else surface.time_s - self._last_s
             self._last_s = surface.time_s
-            self._stage.pose(self._clock_s)
+            self._stage.pose(self._clock_s, paused=self._paused)
         if isinstance(self._tour, Viewer):
             viewers: Sequence[Viewer] = [replace(self._tour, time_s=self._clock_s)]
         else:
             viewers = self._tour(self._clock_s)
+            viewers = [viewer.at_rest for viewer in viewers] if self._paused else viewers
         report = self._stage.frame(
             viewers, quilt=quilt, overlay=self._overlay,
             target=surface.target, target_format=surface.target_format,

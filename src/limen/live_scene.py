@@ -157,7 +157,7 @@ class LiveScene:
 
     def _draw_window(self, stage: Stage, surface: Surface) -> None:
         """The window is the display: what is behind it is turned by dragging."""
-        stage.pose(self._clock_s, Turn(self._yaw_deg, self._pitch_deg, self._nearer))
+        stage.pose(self._clock_s, Turn(self._yaw_deg, self._pitch_deg, self._nearer), paused=self._paused)
         viewer = Viewer((0.0, 0.0, 0.0), time_s=self._clock_s)
         self.last = stage.frame(
             [viewer], quilt=Quilt(surface.size_px, (0,), ((0, 0),)), overlay=self._overlay,
@@ -167,7 +167,7 @@ class LiveScene:
     def _draw_display(self, stage: Stage, display: Display, surface: Surface) -> None:
         """A simulated display, seen by the viewer that it is lit for; dragging leads the viewer around it."""
         assert self._lit is not None
-        stage.pose(self._clock_s)
+        stage.pose(self._clock_s, paused=self._paused)
         viewers = self._viewers()
         textures, self.last = stage.lit_for(viewers, overlay=self._overlay)
         viewer = viewers[0]
@@ -180,7 +180,10 @@ class LiveScene:
 
     def _viewers(self) -> Sequence[Viewer]:
         """Who looks: those of a tour, or whom dragging leads around the display or turns in a room."""
-        return [self._led(self._tour, self._nearer)] if isinstance(self._tour, Viewer) else self._tour(self._clock_s)
+        if isinstance(self._tour, Viewer):
+            return [self._led(self._tour, self._nearer)]
+        viewers = self._tour(self._clock_s)
+        return [viewer.at_rest for viewer in viewers] if self._paused else viewers
 
     def _led(self, person: Viewer, nearer: float = 1.0) -> Viewer:
         """Where dragging has led somebody."""

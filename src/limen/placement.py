@@ -8,6 +8,7 @@ what lies behind it on the ray from one eye point, so the map bends.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -30,10 +31,12 @@ __all__ = [
     "mesh_in_room",
     "mesh_stand",
     "middle_of_wall",
+    "motion_of",
     "one_to_one_size_px",
 ]
 
 Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
+_STEP_S = 1e-3
 FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
 
 
@@ -323,3 +326,10 @@ def mesh_in_room(
     matrix[:3, :3] = leaning @ about @ frame * (size / extent)
     matrix[:3, 3] = np.array(middle if at_m is None else at_m) - matrix[:3, :3] @ ((low + high) / 2)
     return matrix
+
+
+def motion_of(room_from_content: Callable[[float], Floats], time_s: float) -> Floats:
+    """How places of the room move, at a time, with what stands by a map (4, 4) of time: (3, 4), see `Tolerance`."""
+    here = np.linalg.inv(room_from_content(time_s))
+    later, earlier = (room_from_content(time_s + step_s) for step_s in (_STEP_S, -_STEP_S))
+    return np.asarray(((later - earlier) @ here / (2 * _STEP_S))[:3])

@@ -30,7 +30,7 @@ from limen.points_stream import CHUNK_BYTES, PointStream
 from limen.select.points import PointCut, PointTree, Sight, select_points
 from limen.select.shares import shares_of_policy
 from limen.select.throttle import Throttle
-from limen.tolerance import Policy, tolerance_of
+from limen.tolerance import STANDS, Policy, tolerance_of
 from limen.view import Windows, guard_of
 from limen.viewer import Viewer
 
@@ -149,6 +149,8 @@ class PointsRenderer:
             else room_from_file
         )
         self.room_from_file: Floats = stands
+        self.motion: Floats = STANDS
+        """How places of the room move with the cloud, (3, 4): what policies with ``+motion`` ask for."""
         self.lit = points.header.colours in _UNCOLOURED if lit is None else lit
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
@@ -266,8 +268,9 @@ class PointsRenderer:
         if windows is None:
             windows = self._windows[quilt] = Windows(self.display, quilt, guard_px=guard_of(self.display, quilt))
         sight = Sight(
-            windows.seen_from(viewers[0].position_m), self._room_from_cloud, tolerance_of(viewers, policy.eyesight),
-            self._throttle.within(policy), shares_of_policy(policy, self._whites), self.lit,
+            windows.seen_from(viewers[0].position_m), self._room_from_cloud,
+            tolerance_of(viewers, policy.eyesight, self.motion), self._throttle.within(policy),
+            shares_of_policy(policy, self._whites), self.lit,
         )  # fmt: skip
         cut = select_points(self._tree, self._stream.resident, sight)
         return _Chosen(quilt, windows, sight, cut, time.perf_counter() - begin, self._stream.generation)

@@ -65,9 +65,10 @@ class PointsExhibit:
             lit=self.lit, shape=self.shape, background=self.settings.background,
         )  # fmt: skip
 
-    def pose(self, renderer: PointsRenderer, time_s: float) -> None:
-        """Put the cloud where it is at a time."""
+    def pose(self, renderer: PointsRenderer, time_s: float, *, paused: bool = False) -> None:
+        """Put the cloud where it is at a time that passes or is paused."""
         renderer.room_from_file = self.settings.room_from_mesh(self.points, renderer.display, time_s)
+        renderer.motion = self.settings.motion(self.points, renderer.display, time_s, paused=paused)
 
     def on(self, device: Device, display: Display) -> PointsStage:
         return PointsStage(self.renderer(device, display), self)
@@ -80,8 +81,8 @@ class PointsStage:
         self._renderer, self._exhibit = renderer, exhibit
         self.quilts, self.guard_px = renderer.quilts, renderer.guard_px
 
-    def pose(self, time_s: float, turn: Turn = STILL) -> None:
-        self._exhibit.pose(self._renderer, time_s)
+    def pose(self, time_s: float, turn: Turn = STILL, *, paused: bool = False) -> None:
+        self._exhibit.pose(self._renderer, time_s, paused=paused)
         if turn != STILL:
             stood = self._renderer.room_from_file
             self._renderer.room_from_file = about_middle(stood, self._exhibit.points.bounds, turn)

@@ -31,7 +31,7 @@ from limen.placement import mesh_in_room
 from limen.select.mesh import Extent, Foldable, FoldSight, MeshCut, select_mesh
 from limen.select.shares import shares_of_policy
 from limen.select.throttle import Throttle
-from limen.tolerance import Policy, tolerance_of
+from limen.tolerance import STANDS, Policy, tolerance_of
 from limen.view import PanelViews, Windows, guard_of
 from limen.viewer import Viewer
 
@@ -164,6 +164,8 @@ class SceneRenderer:
         if stands.shape != (4, 4) or not np.isfinite(stands).all():
             raise InputError(f"a mesh is placed by finite numbers of the shape (4, 4), not {stands.shape}")
         self.room_from_mesh: Floats = stands
+        self.motion: Floats = STANDS
+        """How places of the room move with the mesh, (3, 4): what policies with ``+motion`` ask for."""
         self._copies = copies = 1 if stereo == "none" else 2
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
@@ -351,10 +353,12 @@ class SceneRenderer:
             return None
         policy = self._throttle.within(self.simplified.policy)
         everybody = tuple(replace(each, time_s=0.0) for each in viewers)
-        asked = (quilt, everybody, policy, self.simplified, np.asarray(self.room_from_mesh, dtype=float).tobytes())
+        moves = self.motion.tobytes() if policy.motion else b""
+        stands = np.asarray(self.room_from_mesh, dtype=float).tobytes()
+        asked = (quilt, everybody, policy, self.simplified, stands, moves)
         if self._last is None or self._last[0] != asked:  # nothing has moved: the cut is that of the frame before
             sight = FoldSight(
-                tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight), policy,
+                tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight, self.motion), policy,
                 shares_of_policy(policy, self._whites), self.simplified.extent,
             )  # fmt: skip
             self._last = asked, select_mesh(self.simplified.foldable, sight)

@@ -21,8 +21,9 @@ from limen.draw.scene import SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device
-from limen.placement import mesh_in_room, mesh_stand
+from limen.placement import mesh_in_room, mesh_stand, motion_of
 from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Simplified, Stereo
+from limen.tolerance import STANDS
 from limen.viewer import Viewer
 
 __all__ = [
@@ -76,8 +77,8 @@ class Stage(Protocol):
     @property
     def guard_px(self) -> float: ...
 
-    def pose(self, time_s: float, turn: Turn = STILL) -> None:
-        """Put the content where it is at a time, turned as hands have turned it."""
+    def pose(self, time_s: float, turn: Turn = STILL, *, paused: bool = False) -> None:
+        """Put the content where it is at a time that passes or is paused, turned as hands have turned it."""
         ...
 
     def frame(
@@ -132,6 +133,12 @@ class SceneSettings:
             tilt_deg=self.tilt_deg,
         )  # fmt: skip
 
+    def motion(self, mesh: Bounded, display: Display, time_s: float, *, paused: bool = False) -> Floats:
+        """How places of the room move with what stands there at a time, (3, 4), see `limen.tolerance.Tolerance`."""
+        if paused or self.animate != "turn":
+            return STANDS
+        return motion_of(lambda moment_s: self.room_from_mesh(mesh, display, moment_s), time_s)
+
     def standing_in(self, display: Display) -> SceneSettings:
         """The same with size and place as a whole display suggests them: parts of it then show parts of one scene."""
         at_m, size_m = mesh_stand(display, self.size_m)
@@ -161,8 +168,9 @@ def check_still(settings: SceneSettings, simplified: Simplified | None) -> None:
         raise InputError("a mesh that ripples is drawn in full: give --policy full, or --animate turn")
 
 
-def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: float) -> None:
-    """Put the mesh in the pose that its animation has at a time."""
+def posed(renderer: SceneRenderer, mesh: Mesh, settings: SceneSettings, time_s: float, *, paused: bool = False) -> None:
+    """Put the mesh in the pose that its animation has at a time that passes or is paused."""
+    renderer.motion = settings.motion(mesh, renderer.display, time_s, paused=paused)
     if settings.animate == "ripple":
         renderer.move(ripple(mesh, time_s))
     elif settings.animate == "turn":
@@ -188,8 +196,8 @@ class MeshStage:
         self._overlay: SceneOverlay = "panels" if simplified is None else "simplified"
         self.quilts, self.guard_px = self._renderer.quilts, self._renderer.guard_px
 
-    def pose(self, time_s: float, turn: Turn = STILL) -> None:
-        posed(self._renderer, self._mesh, self._settings, time_s)
+    def pose(self, time_s: float, turn: Turn = STILL, *, paused: bool = False) -> None:
+        posed(self._renderer, self._mesh, self._settings, time_s, paused=paused)
         if turn != STILL:
             stood = self._settings.room_from_mesh(self._mesh, self._renderer.display, time_s)
             self._renderer.room_from_mesh = about_middle(stood, self._mesh.bounds, turn)

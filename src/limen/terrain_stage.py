@@ -81,7 +81,7 @@ class TerrainStage:
         self._renderer, self._exhibit = renderer, exhibit
         self.quilts, self.guard_px = renderer.quilts, renderer.guard_px
 
-    def pose(self, time_s: float, turn: Turn = STILL) -> None:
+    def pose(self, time_s: float, turn: Turn = STILL, *, paused: bool = False) -> None:
         self._renderer.pose(time_s, turned(self._exhibit.settings.look_at, turn, self._renderer))
 
     def frame(

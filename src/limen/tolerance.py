@@ -19,8 +19,20 @@ from limen.geometry import Floats
 from limen.units import arcmin_to_rad
 from limen.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, acuity_from, eccentricity_scale
+from limen.vision.motion import motion_scale
 
-__all__ = ["COUNTED", "GAZE", "HEAD_SLACK_DEG", "POLICIES", "Policy", "Tolerance", "scheel_px", "tolerance_of"]
+__all__ = [
+    "COUNTED",
+    "GAZE",
+    "HEAD_SLACK_DEG",
+    "MOTION",
+    "POLICIES",
+    "STANDS",
+    "Policy",
+    "Tolerance",
+    "scheel_px",
+    "tolerance_of",
+]
 
 POLICIES = ("full", "acuity", "contrast", "scheel", "budget", "size")
 """``full``: the ordinary mip level, whoever looks. ``acuity``: also what distance hides from the viewers.
@@ -35,6 +47,13 @@ a frame's time (``budget:12ms``)."""
 
 GAZE = "+gaze"
 """Appended to a policy's name: also what is too far from where the viewers look."""
+
+MOTION = "+motion"
+"""Appended to a policy's name: also what glides over the retina too fast. For meshes and points alone: of what is read
+from a disk, the rest would come too late for whoever stops."""
+
+STANDS: Floats = np.zeros((3, 4))
+"""The motion of what stands still, see `Tolerance`."""
 
 HEAD_SLACK_DEG = 15.0
 """How far eyes turn from where the head points before the head follows (paper 001)."""
@@ -60,6 +79,8 @@ class Policy:
         How many triangles or splats a policy of `COUNTED` may spend.
     most_ms
         Or how long a frame of the policy ``budget`` may take: renderers find out how many that are.
+    motion
+        Whether detail may fall off with the velocity at which it passes an eye that follows it.
     """
 
     name: Literal["full", "acuity", "contrast", "scheel", "budget", "size"] = "acuity"
@@ -69,6 +90,7 @@ class Policy:
     head_slack_deg: float = HEAD_SLACK_DEG
     most_items: int | None = None
     most_ms: float | None = None
+    motion: bool = False
 
     def __post_init__(self) -> None:
         acuity_from(self.acuity_arcmin)
@@ -113,8 +135,8 @@ class Policy:
             If there is no policy of that name, the acuity is impossible, or it is not known what may be spent.
         """
         named, colon, count = text.partition(":")
-        base = named.removesuffix(GAZE)
-        gaze = base != named
+        base, *more = named.split("+")
+        gaze, motion = GAZE[1:] in more, MOTION[1:] in more
         most_ms = None
         if colon:
             most_ms = _milliseconds(count)
@@ -124,19 +146,22 @@ class Policy:
                 )
             most_items = int(count) if most_ms is None else None
         match base:
+            case _ if len(more) > gaze + motion:
+                pass
             case "budget":
-                return cls(base, acuity_from(acuity_arcmin), gaze, most_items=most_items, most_ms=most_ms)
-            case "size" if not gaze:
+                acuity = acuity_from(acuity_arcmin)
+                return cls(base, acuity, gaze, most_items=most_items, most_ms=most_ms, motion=motion)
+            case "size" if not more:
                 return cls(base, most_items=most_items, most_ms=most_ms)
-            case "full" | "scheel" if not gaze:
+            case "full" | "scheel" if not more:
                 return cls(base)
             case "acuity" | "contrast":
-                return cls(base, acuity_from(acuity_arcmin), gaze)
+                return cls(base, acuity_from(acuity_arcmin), gaze, motion=motion)
             case "snellen":
-                return cls("acuity", SNELLEN_ARCMIN, gaze)
+                return cls("acuity", SNELLEN_ARCMIN, gaze, motion=motion)
         raise InputError(
             f"no policy is named '{text}': there are {', '.join(POLICIES)} and snellen, "
-            f"acuity, contrast, budget and snellen also with {GAZE} appended"
+            f"acuity, contrast, budget and snellen also with {GAZE} or {MOTION} appended"
         )
 
     @property
@@ -161,7 +186,7 @@ class Policy:
     def title(self) -> str:
         """The name as people type it, without the acuity."""
         spent = f":{self.most_items}" if self.most_ms is None else f":{self.most_ms:g}ms"
-        return self.name + GAZE * self.gaze + (spent if self.name in COUNTED else "")
+        return self.name + GAZE * self.gaze + MOTION * self.motion + (spent if self.name in COUNTED else "")
 
     @property
     def label(self) -> str:
@@ -192,12 +217,16 @@ class Tolerance:
         Unit vectors along which the eyes look, shape (E, 3); zeros where that is unknown, or not to be made use of.
     slack_deg
         How far from ``gaze`` the eye may really look, shape (E,).
+    motion
+        How places move past each eye, shape (E, 3, 4): a place (x, y, z, 1) of the room by so many m/s; zeros where
+        that is unknown, or not to be made use of.
     """
 
     eyes_m: Floats
     tan_angle: Floats
     gaze: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     slack_deg: Floats = field(default_factory=lambda: np.zeros(0))
+    motion: Floats = field(default_factory=lambda: np.zeros((0, 3, 4)))
 
     def __post_init__(self) -> None:
         eyes = len(self.tan_angle)
@@ -205,6 +234,10 @@ class Tolerance:
             object.__setattr__(self, "gaze", np.zeros((eyes, 3)))
         if not len(self.slack_deg):
             object.__setattr__(self, "slack_deg", np.zeros(eyes))
+        if not len(self.motion):
+            object.__setattr__(self, "motion", np.zeros((eyes, 3, 4)))
+        if self.motion.shape != (eyes, 3, 4) or not np.isfinite(self.motion).all():
+            raise InputError(f"motion must be finite numbers of the shape ({eyes}, 3, 4) for {eyes} eyes")
         if self.eyes_m.shape != (eyes, 3) or self.gaze.shape != (eyes, 3) or self.slack_deg.shape != (eyes,):
             raise InputError(f"eyes_m and gaze must have shape ({eyes}, 3) and slack_deg ({eyes},) for {eyes} eyes")
         if not (np.isfinite(self.eyes_m).all() and np.isfinite(self.gaze).all() and (self.tan_angle > 0).all()):
@@ -223,32 +256,49 @@ class Tolerance:
             return np.zeros(position_m.shape[:-1])
         sight = position_m[..., None, :] - self.eyes_m
         distance = np.linalg.norm(sight, axis=-1)
+        farther = np.ones(distance.shape)
         allowed = distance * self.tan_angle
         with np.errstate(divide="ignore", invalid="ignore"):
             if self.gaze.any():
                 ahead = np.clip((sight * self.gaze).sum(axis=-1) / distance, -1, 1)
                 beside = np.degrees(np.arccos(ahead)) - self.slack_deg
                 known = self.gaze.any(axis=-1) & (distance > 0)
-                allowed = allowed * np.where(known, eccentricity_scale(np.maximum(beside, 0)), 1.0)
+                farther = np.where(known, eccentricity_scale(np.maximum(beside, 0)), 1.0)
+                allowed = allowed * farther
+            if self.motion.any():
+                speed = np.where(distance > 0, self._speed_deg_s(position_m, sight), 0.0)
+                allowed = allowed * motion_scale(speed, farther)
             if along is not None:
                 cosine = (sight * np.asarray(along, dtype=float)[..., None, :]).sum(axis=-1) / distance
                 sine = np.sqrt(np.maximum(1 - np.square(cosine), 0))
                 allowed = np.where(distance > 0, allowed / sine, 0.0)
         return np.asarray(allowed.min(axis=-1))
 
+    def _speed_deg_s(self, position_m: Floats, sight: Floats) -> Floats:
+        """How fast places pass each eye, across the line of sight: (..., 3) and (..., E, 3) to (..., E)."""
+        moves = np.einsum("eik,...k->...ei", self.motion[..., :3], position_m) + self.motion[..., 3]
+        across = np.cross(sight, moves)
+        return np.asarray(np.degrees(np.linalg.norm(across, axis=-1) / np.square(sight).sum(axis=-1)))
+
     def allowed_px(self, position_m: Floats, pitch_m: float) -> Floats:
         """The largest invisible error in pixels of a panel: (..., 3) metres to (...) pixels."""
         return self.allowed_m(position_m) / pitch_m
 
 
-def tolerance_of(viewers: Iterable[Viewer], policy: Policy) -> Tolerance:
+def tolerance_of(viewers: Iterable[Viewer], policy: Policy, moves: Floats | None = None) -> Tolerance:
     """What the viewers cannot see under a policy; the finest demand wins, place by place.
+
+    Parameters
+    ----------
+    moves
+        How places of the room move with what is shown, (3, 4), see `Tolerance`; `STANDS` if they do not.
 
     Raises
     ------
     InputError
-        For the policy ``scheel``, which knows panels and no places: see `limen.select.visibility.panel_demands`; and
-        for those of `COUNTED`, of which whoever can spend items asks for the `Policy.eyesight`.
+        For the policy ``scheel``, which knows panels and no places: see `limen.select.visibility.panel_demands`; for
+        those of `COUNTED`, of which whoever can spend items asks for the `Policy.eyesight`; and for those with `MOTION`
+        where it is not told what ``moves``.
     """
     if policy.name == "scheel":
         raise InputError("the policy scheel gives panels of a terrain one error each: take acuity for anything else")
@@ -257,6 +307,11 @@ def tolerance_of(viewers: Iterable[Viewer], policy: Policy) -> Tolerance:
             f"the policy {policy.name} spends triangles of a mesh or splats of a cloud: images and terrains take full, "
             "acuity or contrast"
         )
+    if policy.motion and moves is None:
+        raise InputError(
+            f"the policy {policy.title} is for meshes and points: pages of images and terrains would come too late for "
+            f"whoever stops; leave out {MOTION}"
+        )
     rows: list[Floats] = []
     if policy.name != "full":
         for viewer in viewers:
@@ -264,9 +319,14 @@ def tolerance_of(viewers: Iterable[Viewer], policy: Policy) -> Tolerance:
             tangent = math.tan(arcmin_to_rad(acuity)) * policy.distance_factor
             look = np.zeros(3) if not policy.gaze else np.array(viewer.gaze or viewer.direction)
             slack = policy.head_slack_deg if viewer.gaze is None else 0.0
-            rows += [np.concatenate([eye, [tangent], look, [slack]]) for eye in viewer.eyes_m]
-    table = np.array(rows, dtype=float).reshape(-1, 8)
-    return Tolerance(table[:, :3].copy(), table[:, 3].copy(), table[:, 4:7].copy(), table[:, 7].copy())
+            motion = np.zeros((3, 4))
+            if policy.motion and moves is not None:
+                motion = moves.copy()
+                motion[:, 3] -= viewer.velocity_m_s
+            rows += [np.concatenate([eye, [tangent], look, [slack], motion.ravel()]) for eye in viewer.eyes_m]
+    table = np.array(rows, dtype=float).reshape(-1, 20)
+    parts = (table[:, :3], table[:, 3], table[:, 4:7], table[:, 7], table[:, 8:].reshape(-1, 3, 4))
+    return Tolerance(*(part.copy() for part in parts))
 
 
 def scheel_px(distance_m: ArrayLike, angle_deg: ArrayLike, pixel_height_m: ArrayLike) -> Floats:

@@ -10,7 +10,10 @@ import numpy as np
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3, cross, length, normalised
 
-__all__ = ["Pointer", "Viewer"]
+__all__ = ["FASTEST_M_S", "Pointer", "Viewer"]
+
+FASTEST_M_S = 5.0
+"""Whoever is said to move faster jumped: the tracker changed its mind."""
 
 _UP: Vec3 = (0.0, 1.0, 0.0)
 
@@ -35,6 +38,8 @@ class Viewer:
         Distance between the eyes; 0 is a single eye at ``position_m``.
     name
         Tells several viewers of one session apart.
+    velocity_m_s
+        How the viewer moves: what policies with ``+motion`` ask for. Zeros also where that is not known.
 
     Raises
     ------
@@ -49,10 +54,12 @@ class Viewer:
     time_s: float = 0.0
     eye_separation_m: float = 0.063
     name: str = ""
+    velocity_m_s: Vec3 = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         try:
             object.__setattr__(self, "position_m", as_vec3(self.position_m, "viewer.position_m"))
+            object.__setattr__(self, "velocity_m_s", as_vec3(self.velocity_m_s, "viewer.velocity_m_s"))
             direction = as_vec3(self.direction, "viewer.direction")
             object.__setattr__(self, "direction", normalised(direction, "viewer.direction"))
             if self.gaze is not None:
@@ -76,16 +83,21 @@ class Viewer:
         half = np.array(self._rightward()) * (self.eye_separation_m / 2)
         return np.stack([centre - half, centre + half])
 
+    @property
+    def at_rest(self) -> Viewer:
+        """The viewer, standing still."""
+        return replace(self, velocity_m_s=(0.0, 0.0, 0.0))
+
     def extrapolated(self, earlier: Viewer, seconds: float) -> Viewer:
         """Where the viewer will be, walking on as since ``earlier``; unmoved where that tells nothing.
 
-        Jumps (more than 5 m/s: the tracker changed its mind) and pauses of over a second are not walked on.
+        Jumps (more than `FASTEST_M_S`) and pauses of over a second are not walked on.
         """
         elapsed = self.time_s - earlier.time_s
         if not 0 < elapsed <= 1:
             return self
         step = [(here - there) / elapsed for here, there in zip(self.position_m, earlier.position_m, strict=True)]
-        if math.hypot(*step) > 5:
+        if math.hypot(*step) > FASTEST_M_S:
             return self
         x, y, z = (here + speed * seconds for here, speed in zip(self.position_m, step, strict=True))
         return replace(self, position_m=(x, y, z))

@@ -265,3 +265,12 @@ def test_a_mesh_of_several_parts_folds():
     knot = torus_knot(2000)
     foldable = Foldable(build_vertex_tree(knot))
     assert len(select_mesh(foldable, sight("budget:500", 4.0))) <= 500
+
+
+def test_what_passes_is_folded_further_than_what_comes_near() -> None:
+    still = sight("contrast")
+    past, toward = np.zeros((2, 1, 3, 4))
+    past[0, 0, 3] = toward[0, 2, 3] = 2.0
+    tolerances = [still.tolerance, *(replace(still.tolerance, motion=each) for each in (toward, past))]
+    counts = [len(select_mesh(BALL, replace(still, tolerance=each))) for each in tolerances]
+    assert counts[0] >= counts[1] > counts[2] > 0

@@ -64,6 +64,20 @@ def test_what_appears_from_one_frame_to_the_next_is_seen_as_time_tells(observer:
     assert still.jod != found[2].jod
 
 
+def test_what_glides_along_its_stripes_is_seen_and_across_them_blurs(observer: Observer) -> None:
+    x = np.indices((256, 256))[1] / 96.0
+    contrast = 4 / float(sensitivity(16, luminance_cd_m2=100))
+    test = np.repeat((MEAN * (1 + contrast * np.sin(2 * np.pi * 16 * x)))[..., None], 3, axis=2)
+    plain = np.full_like(test, MEAN)
+    still = observer.judge_light(test, plain, 96.0)
+    along = observer.judge_light(test, plain, 96.0, velocity_deg_s=(0.0, 4.0))
+    across = [observer.judge_light(test, plain, 96.0, velocity_deg_s=(speed, 0.0)).jod for speed in (0.3, 1.0, 4.0)]
+    assert along.jod == pytest.approx(still.jod, abs=0.02)
+    assert still.jod < across[0] < across[1] < across[2]
+    assert across[2] > 9.97 > 9.6 > still.jod
+    assert along.flip_p99 is None, "FLIP knows no time"
+
+
 def test_a_grating_at_threshold_off_the_gaze_scores_as_one_at_threshold_in_the_fovea(observer: Observer) -> None:
     for frequency_cpd in (8, 12):
         assert jod_at(observer, 1, frequency_cpd, 10.0) == pytest.approx(jod_at(observer, 1, frequency_cpd), abs=0.02)

@@ -60,3 +60,24 @@ def test_the_truth_is_not_seen_and_what_was_folded_for_far_away_is(device: Any, 
     assert true.detected == true.false_alarms == 0
     assert far.detected > 0
     assert far.jod_mean < true.jod_mean
+
+
+@pytest.mark.gpu
+def test_what_passes_is_folded_further_and_stays_unseen(device: Any, observer: Any) -> None:
+    display, viewer = monitor()
+    policies = [Policy.parse("contrast"), Policy.parse("contrast+motion")]
+    trials = trials_of(policies, (1.0,))
+    knot = torus_knot(20_000)
+    subject = subject_of(device, knot, display)
+    try:
+        poses = random_poses(1, seed=5)
+        judged = [
+            each
+            for view in judge_views(subject, display, viewer, poses, trials, observer, speed_deg_s=30.0)
+            for each in view
+        ]
+    finally:
+        subject.close()
+    for row in rows_of(trials, judged):
+        assert row.detected == row.false_alarms == 0
+        assert row.flip_p99_max is None

@@ -73,7 +73,7 @@ def test_a_session_of_viewers_in_any_order():
     viewers = [Viewer((t, 1, 0), time_s=t, name=name, acuity_arcmin=1.0) for t in (2.0, 0.0, 1.0) for name in "ab"]
     session = Session.of("s", "d", 1.0, viewers)
     assert [list(each.time_s) for each in session.tracks] == [[0, 1, 2], [0, 1, 2]]
-    assert session.at(1.0)[1] == Viewer((1, 1, 0), time_s=1.0, name="b", acuity_arcmin=1.0)
+    assert session.at(1.0)[1].at_rest == Viewer((1, 1, 0), time_s=1.0, name="b", acuity_arcmin=1.0)
 
 
 @pytest.mark.parametrize(
@@ -133,3 +133,12 @@ def test_pointers_that_cannot_be():
         Session("s", "d", 1.0, (track(),), (track("p", acuity_arcmin=np.ones(3)),))
     with pytest.raises(SessionError, match="no viewers"):
         Session("s", "d", 1.0, (), (track("p"),))
+
+
+def test_velocities_are_those_of_the_last_tenth_of_a_second():
+    session = Session("s", "d", 1.0, (track(),))
+    assert [viewer.velocity_m_s[0] for time_s in (0.0, 0.05, 1.0, 2.05, 9.0) for viewer in session.at(time_s)] == (
+        pytest.approx([0, 0.5, 1, 0.5, 0])
+    )
+    jumped = track(times=(0.0, 1.0, 1.01), position_m=np.array([[0, 1.7, 0], [0, 1.7, 0], [3.0, 1.7, 0]]))
+    assert Session("s", "d", 1.0, (jumped,)).at(1.01)[0].velocity_m_s == (0, 0, 0)

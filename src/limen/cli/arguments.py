@@ -31,7 +31,8 @@ PolicyOption = Annotated[
     str,
     Parameter(
         help="full: the ordinary mip level. acuity: also what distance hides. contrast: also what is too faint to be "
-        "seen. snellen: acuity at 1 arcminute. With +gaze appended: also what is far from where the viewers look. "
+        "seen. snellen: acuity at 1 arcminute. With +gaze appended: also what is far from where the viewers look; "
+        "with +motion, of a mesh or points: also what passes too fast. "
         "scheel: of a terrain, what Scheel and others allow each panel. budget:N and size:N: of a mesh or points, the "
         "N triangles or splats that are seen from farthest away, or that are the largest; budget:12ms: as many as that "
         "takes to draw."

@@ -77,6 +77,7 @@ def verify(
     fit: FitOption = "contain",
     seed: int = 0,
     changes: Annotated[bool, Parameter(negative="")] = False,
+    speed_deg_s: float = 0.0,
     strict: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     common: Common = DEFAULT,
@@ -104,6 +105,9 @@ def verify(
     changes
         Of a mesh or points: judge the moment in which all of it becomes, from one frame to the next, what a policy
         leaves, instead of pictures that stand still.
+    speed_deg_s
+        Of a mesh or points: how fast it passes, in a direction of its own in every view, and eyes follow it; what
+        policies with +motion are told.
     strict
         Exit with code 1 unless, at the true distance, every window passes and 95 % of them strictly.
     plot
@@ -115,17 +119,23 @@ def verify(
     if strict and 1 not in (distance_factors or FACTORS):
         raise InputError("--strict judges the true distance: --distance-factors must hold 1")
     chosen = [Policy.parse(name, acuity_arcmin).timeless for name in policy or _POLICIES]
+    if not (0 <= speed_deg_s < 1000) or (speed_deg_s and changes):
+        raise InputError(f"--speed-deg-s is from 0 to 1000, and not together with --changes; got {speed_deg_s:g}")
     opened = open_content(content)
     if not isinstance(opened, Image):
         if opened.kind == "terrain":
             open_picture(content)  # says why it is none
-        asked = _AskedScene(display, panels, views, seed, distance_factors or FACTORS, eccentricity_deg, changes)
+        asked = _AskedScene(
+            display, panels, views, seed, distance_factors or FACTORS, eccentricity_deg, changes, speed_deg_s
+        )
         report = _scene_report(out, content, cast("Mesh | Points", opened), asked, chosen)
         _finish(out, report, content, plot, strict=strict)
         return
     opened.close()
     if changes:
         raise InputError("--changes is for meshes and points: levels of an image change gradually")
+    if speed_deg_s:
+        raise InputError("--speed-deg-s is for meshes and points: images are not told how they pass")
     if not display:
         raise InputError("an image is judged on a display: give --display")
     trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)
@@ -167,6 +177,7 @@ class _AskedScene(NamedTuple):
     factors: Sequence[float]
     eccentricities_deg: Sequence[float] | None
     changes: bool
+    speed_deg_s: float
 
 
 def _scene_report(
@@ -193,8 +204,9 @@ def _scene_report(
         try:
             poses = scenes.random_poses(asked.views, asked.seed)
             for windows in scenes.judge_views(
-                subject, shown, viewer, poses, trials, observers[light], changes=asked.changes
-            ):
+                subject, shown, viewer, poses, trials, observers[light], changes=asked.changes,
+                speed_deg_s=asked.speed_deg_s,
+            ):  # fmt: skip
                 judged += windows
                 step(1)
         finally:

@@ -32,10 +32,14 @@ def budget_limit(histogram: NDArray[np.int64], least: int, most: int) -> float:
 
 
 def eye_rows(tolerance: Tolerance, eye_m: Floats) -> Floats:
-    """What the loops are told of all eyes, (E, 8), from the one that is drawn for."""
-    eyes = np.zeros((len(tolerance.tan_angle), 8))
+    """What the loops are told of all eyes, (E, 8), from the one that is drawn for; (E, 20) where things move."""
+    moves = tolerance.motion.any()
+    eyes = np.zeros((len(tolerance.tan_angle), 20 if moves else 8))
     eyes[:, :3] = tolerance.eyes_m - eye_m
     eyes[:, 3], eyes[:, 4:7], eyes[:, 7] = tolerance.tan_angle, tolerance.gaze, tolerance.slack_deg
+    if moves:
+        linear = tolerance.motion[..., :3]
+        eyes[:, 8:17], eyes[:, 17:] = linear.reshape(-1, 9), linear @ eye_m + tolerance.motion[..., 3]
     return eyes
 
 

@@ -6,7 +6,8 @@ away its viewer would have to be. Drawn are the first nodes from the root down w
 Rows that all loops take:
 
 * ``eyes`` (E, 8): place relative to the eye that is drawn for, tangent of the tolerated angle, gaze (or zeros), degrees
-  that the gaze may be off; metres in the room, turned as the room is.
+  that the gaze may be off; metres in the room, turned as the room is. Or (E, 20): also how places move past the eye,
+  a matrix of 9 by which the way from the eye that is drawn for is multiplied, and 3 that are added, m/s.
 * ``panel`` (30,): planes of the outline as unit vectors, 8 x 3, positive inside; the panel's normal away from the eye,
   3; pixels of a metre at a metre's depth; 2 spare.
 * ``place`` (3, 4): from the cloud's own coordinates to the way from the eye, metres; ``size``: metres of its unit.
@@ -23,6 +24,7 @@ from numba import njit
 
 from limen.data.point_nodes import ALL_AROUND, CHUNK_LEVEL, FAN, LEVEL_BEGIN
 from limen.vision.acuity import GAZE_PER_DEG
+from limen.vision.motion import DRIFT_DEG_S, FASTEST_DEG_S, KELLY_DEG_S, MOST_DEG_S, PURSUIT_GAIN
 
 BINS = 256
 BINS_PER_OCTAVE = 8
@@ -37,6 +39,31 @@ _CODE_STEP = math.log(1000.0) / 254.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _motion_scale(x, y, z, dx, dy, dz, away, radius, row, farther):
+    """`limen.vision.motion.motion_scale` of the slowest place of a sphere.
+
+    ``x, y, z`` is the way from the eye that is drawn for, ``dx, dy, dz`` and ``away`` that from the eye of the row,
+    ``farther`` the scale of its angle from the gaze.
+    """
+    speed2, squares, along = 0.0, 0.0, 0.0
+    for axis in range(3):
+        at = 8 + 3 * axis
+        moves = row[at] * x + row[at + 1] * y + row[at + 2] * z + row[17 + axis]
+        speed2 += moves * moves
+        squares += row[at] * row[at] + row[at + 1] * row[at + 1] + row[at + 2] * row[at + 2]
+        along += moves * (dx if axis == 0 else dy if axis == 1 else dz)
+    along = abs(along) / away
+    across = math.sqrt(max(speed2 - along * along, 0.0))
+    # Elsewhere in the sphere the line of sight is turned, and places move otherwise, by no more than this.
+    sine = radius / away
+    across = across * math.sqrt(1.0 - sine * sine) - along * sine - math.sqrt(squares) * radius
+    velocity = max(across, 0.0) / (away + radius) * _DEG
+    retinal = max(velocity - min(PURSUIT_GAIN * velocity + DRIFT_DEG_S, FASTEST_DEG_S), DRIFT_DEG_S)
+    retinal = max(min(retinal, MOST_DEG_S) / farther, DRIFT_DEG_S)
+    return math.sqrt((retinal + KELLY_DEG_S) / (DRIFT_DEG_S + KELLY_DEG_S))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _least_allowed_m(x, y, z, radius, eyes):
     """The largest length that nobody sees at the nearest place of a sphere."""
     least = math.inf
@@ -45,13 +72,15 @@ def _least_allowed_m(x, y, z, radius, eyes):
         away = math.sqrt(dx * dx + dy * dy + dz * dz)
         if away <= radius:
             return 0.0
-        allowed = (away - radius) * eyes[number, 3]
+        allowed, farther = (away - radius) * eyes[number, 3], 1.0
         gx, gy, gz = eyes[number, 4], eyes[number, 5], eyes[number, 6]
         if gx != 0.0 or gy != 0.0 or gz != 0.0:
             cosine = min(max((dx * gx + dy * gy + dz * gz) / away, -1.0), 1.0)
             beside = (math.acos(cosine) - math.asin(radius / away)) * _DEG - eyes[number, 7]
-            allowed *= 1.0 + GAZE_PER_DEG * max(beside, 0.0)
-        least = min(least, allowed)
+            farther = 1.0 + GAZE_PER_DEG * max(beside, 0.0)
+        if eyes.shape[1] > 8:
+            allowed *= _motion_scale(x, y, z, dx, dy, dz, away, radius, eyes[number], farther)
+        least = min(least, allowed * farther)
     return least
 
 

@@ -19,7 +19,7 @@ from limen.select.mesh import Foldable, FoldSight, select_mesh
 from limen.select.points import PointTree, Sight, select_points
 from limen.select.shares import shares_of_policy
 from limen.study.traffic import FRAMES_PER_S
-from limen.tolerance import Policy, tolerance_of
+from limen.tolerance import STANDS, Policy, Tolerance, tolerance_of
 from limen.track.session import Frame, Session
 from limen.view import PanelViews, Windows, guard_of
 
@@ -152,7 +152,7 @@ class _Triangles:
     def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
         if not views.facing.any():
             return _Counted(0, 0, 0.0)
-        sight = FoldSight((views,), self._stands, tolerance_of(frame.viewers, policy.eyesight), policy, shares)
+        sight = FoldSight((views,), self._stands, _allowed(frame, policy), policy, shares)
         cut = select_mesh(self._foldable, sight)
         used = int(np.bincount(cut.triangles.ravel(), minlength=1).astype(bool).sum())
         return _Counted(len(cut), 3 * _INDEX_BYTES * len(cut) + _VERTEX_BYTES * used, cut.reached)
@@ -169,7 +169,7 @@ class _Splats:
         self._stands[:3, 3] += self._stands[:3, :3] @ points.origin
 
     def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
-        sight = Sight(views, self._stands, tolerance_of(frame.viewers, policy.eyesight), policy, shares)
+        sight = Sight(views, self._stands, _allowed(frame, policy), policy, shares)
         cut = select_points(self._tree, self._stream.resident, sight)
         if (self._stream.resident.slots[cut.wanted] < 0).any():
             self._stream.update(cut.wanted, most=_SLOTS)
@@ -181,6 +181,10 @@ class _Splats:
 
     def close(self) -> None:
         self._stream.close()
+
+
+def _allowed(frame: Frame, policy: Policy) -> Tolerance:
+    return tolerance_of(frame.viewers, policy.eyesight, STANDS)
 
 
 def _row(policy: Policy, counted: Sequence[_Counted], full_bytes: float) -> SceneRow:

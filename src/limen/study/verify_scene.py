@@ -35,6 +35,7 @@ from limen.study.observer import WINDOW_PX, Observer, Verdict, light_of, sampled
 from limen.study.verify import ALIKE, Judged, Trial
 from limen.tolerance import Policy
 from limen.viewer import Viewer
+from limen.vision.motion import retinal_velocity_deg_s
 
 __all__ = [
     "GAZE_DEG",
@@ -88,8 +89,9 @@ class Subject(Protocol):
     @property
     def bounds(self) -> NDArray[Any]: ...
 
-    def picture(self, stands: Floats, viewer: Viewer, policy: Policy) -> Picture:
-        """What the panel shows, (H, W, 4), of the object standing by a map (4, 4) from its coordinates to the room."""
+    def picture(self, stands: Floats, viewer: Viewer, policy: Policy, moves: Floats) -> Picture:
+        """What the panel shows, (H, W, 4), of the object standing by a map (4, 4) from its coordinates to the room,
+        where it moves by (3, 4), see `limen.tolerance.Tolerance`."""
         ...
 
     def close(self) -> None: ...
@@ -159,14 +161,17 @@ def judge_views(
     observer: Observer,
     *,
     changes: bool = False,
+    speed_deg_s: float = 0.0,
 ) -> Iterator[list[Judged]]:
     """Draw and judge the poses one after the other: of each, one or two windows.
 
     Where a policy knows no gaze, eyes may rest anywhere: its windows are judged as in the fovea. ``changes``: what is
-    judged is the moment in which the whole object becomes what the policy leaves of it.
+    judged is the moment in which the whole object becomes what the policy leaves of it. ``speed_deg_s``: the object
+    passes that fast, in a direction of its own in every view, and the eye follows it as well as it can.
     """
     for pose in poses:
-        yield _View(subject, display.panels[0], viewer, pose, observer, changes=changes).all(trials)
+        view = _View(subject, display.panels[0], viewer, pose, observer, changes=changes, speed_deg_s=speed_deg_s)
+        yield view.all(trials)
 
 
 def pixels_per_degree(panel: Panel, viewer: Viewer) -> float:
@@ -197,13 +202,22 @@ class _View:
     """One pose; a trial's pictures are compared where it differs most, and at one random place."""
 
     def __init__(
-        self, subject: Subject, panel: Panel, viewer: Viewer, pose: Pose, observer: Observer, *, changes: bool
+        self,
+        subject: Subject,
+        panel: Panel,
+        viewer: Viewer,
+        pose: Pose,
+        observer: Observer,
+        *,
+        changes: bool,
+        speed_deg_s: float,
     ) -> None:
         self._changes = changes
         self._subject, self._panel, self._viewer, self._pose, self._observer = subject, panel, viewer, pose, observer
         self._middle_m = np.asarray(panel.centre_m, dtype=float)
         self._per_degree = pixels_per_degree(panel, viewer)
         self._stands = standing(subject.bounds, panel, viewer, pose)
+        self._moves, self._glides_deg_s = self._passing(speed_deg_s)
         self._full = self._draw(_FULL, 0.0)
         self._again = self._draw(_FULL, 0.0)
 
@@ -234,10 +248,24 @@ class _View:
             self._away_deg(at, trial),
             second_opinion=trial.policy.distance_factor == 1,
             change=self._changes,
+            velocity_deg_s=self._glides_deg_s,
         )
 
+    def _passing(self, speed_deg_s: float) -> tuple[Floats, tuple[float, float]]:
+        """How places move around the eye, (3, 4), and what an eye that follows them does not keep up with, to the right
+        and down."""
+        turn = np.random.default_rng([self._pose.seed, 1]).uniform(0, 2 * math.pi)
+        right, down = math.cos(turn), math.sin(turn)
+        eye_m = np.array(self._viewer.position_m)
+        way = right * np.array(self._panel.right) + down * np.array(self._panel.down)
+        ahead = (self._middle_m - eye_m) / np.linalg.norm(self._middle_m - eye_m)
+        x, y, z = math.radians(speed_deg_s) * np.cross(ahead, way)
+        turns = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        left = float(retinal_velocity_deg_s(speed_deg_s)) if speed_deg_s else 0.0
+        return np.column_stack([turns, -turns @ eye_m]), (left * right, left * down)
+
     def _draw(self, policy: Policy, eccentricity_deg: float) -> Picture:
-        return self._subject.picture(self._stands, self._gazing(eccentricity_deg), policy)
+        return self._subject.picture(self._stands, self._gazing(eccentricity_deg), policy, self._moves)
 
     def _gazing(self, eccentricity_deg: float) -> Viewer:
         """The viewer, looking so far past the object's middle."""
@@ -290,8 +318,8 @@ class _Mesh:
         self._simplified = Simplified(Foldable(tree_of(mesh)), _FULL, extent)
         self._renderer = SceneRenderer(device, display, mesh, simplified=self._simplified)
 
-    def picture(self, stands: Floats, viewer: Viewer, policy: Policy) -> Picture:
-        self._renderer.room_from_mesh = stands
+    def picture(self, stands: Floats, viewer: Viewer, policy: Policy, moves: Floats) -> Picture:
+        self._renderer.room_from_mesh, self._renderer.motion = stands, moves
         self._renderer.simplified = replace(self._simplified, policy=policy)
         ((_, picture, _),) = self._renderer.pictures(viewer)
         return picture.copy()
@@ -305,8 +333,8 @@ class _Points:
         self.bounds = points.bounds
         self._renderer = PointsRenderer(device, display, points)
 
-    def picture(self, stands: Floats, viewer: Viewer, policy: Policy) -> Picture:
-        self._renderer.room_from_file = stands
+    def picture(self, stands: Floats, viewer: Viewer, policy: Policy, moves: Floats) -> Picture:
+        self._renderer.room_from_file, self._renderer.motion = stands, moves
         ((_, picture, _),) = self._renderer.pictures([viewer], policy)
         return picture.copy()
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from limen.errors import SessionError
 from limen.geometry import Floats, as_vec3
-from limen.viewer import Pointer, Viewer
+from limen.viewer import FASTEST_M_S, Pointer, Viewer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Fault", "Frame", "Session", "Track", "find_fault"]
+
+_PACE_S = 0.1
+"""How long velocities are a mean of: what trackers tremble by counts for little then, and eyes see no sooner."""
 
 
 class Frame(NamedTuple):
@@ -88,9 +91,11 @@ class Track:
         Positions and directions are interpolated linearly. Gaze and acuity are those of the last sample:
         eyes jump, and what lies between two fixations was never looked at. Before the first sample the viewer
         stands at the first, after the last at the last, so nobody's demand is dropped when a tracker starts
-        late or stops early.
+        late or stops early. Velocities are those of the last tenth of a second.
         """
         position, direction, before = self._poses(time_s)
+        velocity = (position - self._poses(time_s - _PACE_S)[0]) / _PACE_S
+        velocity[np.linalg.norm(velocity, axis=1) > FASTEST_M_S] = 0.0
         gaze = None if self.gaze is None else self.gaze[before]
         acuity = None if self.acuity_arcmin is None else self.acuity_arcmin[before]
         return [
@@ -101,6 +106,7 @@ class Track:
                 acuity_arcmin=None if acuity is None or math.isnan(acuity[i]) else float(acuity[i]),
                 time_s=float(time_s[i]),
                 name=self.viewer,
+                velocity_m_s=as_vec3(velocity[i], "velocity_m_s"),
             )
             for i in range(len(time_s))
         ]
