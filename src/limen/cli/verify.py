@@ -132,10 +132,8 @@ def verify(
         _finish(out, report, content, plot, strict=strict)
         return
     opened.close()
-    if changes:
-        raise InputError("--changes is for meshes and points: levels of an image change gradually")
-    if speed_deg_s:
-        raise InputError("--speed-deg-s is for meshes and points: images are not told how they pass")
+    if changes or speed_deg_s:
+        raise InputError("--changes and --speed-deg-s are for meshes and points: leave them out")
     if not display:
         raise InputError("an image is judged on a display: give --display")
     trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)

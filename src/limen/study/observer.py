@@ -32,7 +32,7 @@ from limen.data.resample import LINEAR_OF_SRGB, srgb_of_linear
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.filters import resampled
-from limen.vision.castle import FREQUENCY_CPD, LUMINANCE_CD_M2, MECHANISMS, log_sensitivity
+from limen.study.gliding import gliding
 
 __all__ = [
     "INSTALL",
@@ -226,7 +226,8 @@ class Observer:
             )
         ground = reference.mean(axis=(0, 1))
         if any(velocity_deg_s):
-            test, reference = self._gliding(test, reference, rate, velocity_deg_s)
+            mean_cd_m2 = self.black_cd_m2 + (self.peak_cd_m2 - self.black_cd_m2) * float(reference.mean())
+            test, reference = gliding(test, reference, rate, velocity_deg_s, mean_cd_m2, self._opponent_of_rgb)
         # Clipped at the very end: what resampling overshoots is mostly lost on the periphery.
         seen = [np.clip(self._peripheral(_faded(light, ground), rate, away), 0.0, 1.0) for light in (test, reference)]
         jod, drop = self._changes(seen[0], seen[1], rate) if change else self._differences(seen[0], seen[1], rate)
@@ -260,40 +261,6 @@ class Observer:
                 seen = np.fft.irfft2(spectrum * 10.0 ** (-falloff * frequency_cpd * angle_deg), s=(height, width))
                 opponent[..., channel] += np.maximum(1 - np.abs(place - number), 0.0) * seen
         return np.asarray(opponent @ np.linalg.inv(self._opponent_of_rgb).T)
-
-    def _gliding(
-        self, test: Floats, reference: Floats, samples_per_degree: float, velocity_deg_s: tuple[float, float]
-    ) -> tuple[Floats, Floats]:
-        """Both windows as if they stood still, with what is lost or won of them as they glide over the retina.
-
-        A frequency that moves along itself flickers, and is seen as castleCSF says; one that moves along its stripes
-        does not change at all. What flicker makes more visible is added to the difference alone: the reference only
-        masks it, and would leave the range of the display.
-        """
-        height, width = reference.shape[:2]
-        down, across = (
-            samples_per_degree * np.fft.fftfreq(height)[:, None],
-            samples_per_degree * np.fft.rfftfreq(width)[None],
-        )
-        frequency_cpd = np.maximum(np.hypot(down, across), FREQUENCY_CPD[0])
-        temporal_hz = np.abs(down * velocity_deg_s[1] + across * velocity_deg_s[0])
-        light_cd_m2 = np.clip(
-            self.black_cd_m2 + (self.peak_cd_m2 - self.black_cd_m2) * reference.mean(), *LUMINANCE_CD_M2
-        )
-        glided = []
-        for light, most in ((reference, 1.0), (test - reference, np.inf)):
-            opponent = light @ self._opponent_of_rgb.T
-            for channel, mechanism in enumerate(MECHANISMS):
-                still, moving = (
-                    log_sensitivity(frequency_cpd, np.zeros(1), light_cd_m2, hertz, np.ones(1), mechanism)
-                    for hertz in (np.zeros(1), temporal_hz)
-                )
-                kept = np.minimum(10.0 ** (moving - still), most)
-                kept[0, 0] = 1.0
-                spectrum = np.fft.rfft2(opponent[..., channel])
-                opponent[..., channel] = np.fft.irfft2(spectrum * kept, s=(height, width))
-            glided.append(opponent @ np.linalg.inv(self._opponent_of_rgb).T)
-        return glided[0] + glided[1], glided[0]
 
     def _differences(self, test: Floats, reference: Floats, samples_per_degree: float) -> tuple[float, Floats]:
         """The JOD, and what each place alone lowers it by, (H, W)."""
