@@ -22,7 +22,7 @@ from limen.display.quilt import Quilt, pack, pieces
 from limen.draw.image import ImageLayer, Overlay, Sampling
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
-from limen.placement import OnShape, OnSurface, Placement
+from limen.placement import OnSurface, Placement
 from limen.select.cut import Cut
 from limen.select.detail import Detail
 from limen.select.image import View, select, view_of
@@ -107,6 +107,7 @@ class Renderer:
         self._pack = partial(pack, display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
         self.quilts = self._pack()
         self._pool = PagePool(device, gpu_bytes)
+        self._device, self._sampling = device, sampling
         self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling)
         self._stream = Stream(
             image,
@@ -186,9 +187,14 @@ class Renderer:
                 yield name, picture, report
 
     def place(self, placement: OnSurface) -> None:
-        """Move an image that lies on the surface; its resident pages stay."""
+        """Move an image that lies on the surface, or its lenses; its resident pages stay."""
+        bent = self.view.placement.bends
         self.view = view_of(self.view.display, self.view.pyramid, placement)
-        self._layer.place(self.view)
+        if placement.bends == bent:
+            self._layer.place(self.view)
+        else:
+            self._layer.destroy()
+            self._layer = ImageLayer(self._device, self.view, self._pool, sampling=self._sampling)
         self._parts.clear()
 
     def close(self) -> None:
@@ -257,9 +263,7 @@ class Renderer:
             self._stream.wait()
 
     def _drawable(self, cut: Cut) -> Drawable | PageTable:
-        return (
-            self._stream.table() if isinstance(self.view.placement, OnShape) else self._stream.drawable(cut.pair_page)
-        )
+        return self._stream.table() if self.view.placement.bends else self._stream.drawable(cut.pair_page)
 
 
 def select_ahead(
@@ -279,5 +283,5 @@ def _first_eye(viewers: Sequence[Viewer]) -> tuple[float, float, float] | None:
 
 
 def _active(cut: Cut, view: View) -> int:
-    """Panels that show something of the image; on a shape, all may."""
-    return len(np.unique(cut.pair_panel)) if isinstance(view.placement, OnSurface) else len(view.display.panels)
+    """Panels that show something of the image; where it is bent, all may."""
+    return len(view.display.panels) if view.placement.bends else len(np.unique(cut.pair_panel))

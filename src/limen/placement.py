@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
+from limen.lens import Lens
 
 __all__ = [
     "FITS",
@@ -74,17 +75,25 @@ class OnSurface:
         Magnification on top of the fit.
     centre
         The place of the image (0 ... 1 from its left and top edge) that lies in the middle of the surface.
+    lenses
+        What is looked through, from the image to the eye; see `limen.lens.Lens`.
     """
 
     fit: Fit = "contain"
     zoom: float = 1.0
     centre: tuple[float, float] = (0.5, 0.5)
+    lenses: tuple[Lens, ...] = ()
 
     def __post_init__(self) -> None:
         if self.fit not in FITS:
             raise InputError(f"no fit is named '{self.fit}': there are {', '.join(FITS)}")
         if not (0 < self.zoom < math.inf and all(math.isfinite(value) for value in self.centre)):
             raise InputError(f"zoom must be positive and centre finite, got {self.zoom} and {self.centre}")
+
+    @property
+    def bends(self) -> bool:
+        """Whether what is seen at a pixel has to be found for every pixel."""
+        return bool(self.lenses)
 
     def texels_per_m(self, display: Display, size_px: tuple[int, int]) -> float:
         surface = display.surface
@@ -151,6 +160,11 @@ class OnShape:
             )
         if abs(np.linalg.det(self.frame())) < 1e-12:
             raise InputError(f"placement on a {self.kind}: across, down and depth must not lie in one plane")
+
+    @property
+    def bends(self) -> bool:
+        """Whether what is seen at a pixel has to be found for every pixel."""
+        return True
 
     def frame(self) -> Floats:
         """Columns: unit axes of the shape's own frame (x right, y down, z toward the image's middle), shape (3, 3)."""

@@ -31,7 +31,7 @@ __all__ = ["Coverage", "Feedback"]
 _RING = 3
 _GROUP_PX = 8  # the shader's workgroup_size
 _ORDER = 5  # steps through the jitter's places so that neighbours do not follow one another
-_NUMBERS = {"frame": 0, "panels": 1, "eyes": 2, "levels": 4, "coverage": 8, "finer": 9}
+_NUMBERS = {"frame": 0, "panels": 1, "eyes": 2, "levels": 4, "coverage": 8, "finer": 9, "lenses": 10}
 
 
 class Coverage(NamedTuple):
@@ -48,7 +48,9 @@ class Feedback:
         self._device, self._view = device, view
         self._whole = Quilt((1, 1), tuple(range(len(view.display.panels))), ((0, 0),) * len(view.display.panels))
         storage = wgpu.BufferUsage.STORAGE
-        self._buffers = {name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "levels", "finer")}
+        self._buffers = {
+            name: GrowingBuffer(device, name, storage) for name in ("panels", "eyes", "levels", "finer", "lenses")
+        }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
         self._buffers["finer"].write(records.log2_tau(view.detail.tau).astype(np.float32))
@@ -149,7 +151,9 @@ class Feedback:
     def _write(self, tolerance: Tolerance, divisor: int, frame: int, bias: int, eye_m: Vec3 | None) -> None:
         view, buffers = self._view, self._buffers
         place = frame * _ORDER % (divisor * divisor) if divisor % _ORDER else frame % (divisor * divisor)
-        row = records.frame_row(view, (1, 1), tolerance, eye_m, bias=bias, divisor=divisor)
+        lenses, tables = records.lens_rows(view, self._whole)
+        buffers["lenses"].write(lenses)
+        row = records.frame_row(view, (1, 1), tolerance, eye_m, bias=bias, divisor=divisor, tables=tables)
         row["jitter_px"] = place % divisor, place // divisor
         buffers["frame"].write(row)
         buffers["panels"].write(records.panel_rows(view, self._whole, eye_m))

@@ -21,7 +21,6 @@ from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.gpu.shader import load_shader
-from limen.placement import OnShape
 from limen.select.cut import Cut
 from limen.select.detail import Detail
 from limen.select.image import View
@@ -42,9 +41,10 @@ _OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2}
 _BLACK = (0.0, 0.0, 0.0, 0.0)
 
 _FLAT_BINDINGS = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear")
-_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer")
+_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer", "lenses")
 _NUMBERS = {
     "frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7, "finer": 9,
+    "lenses": 10,
 }  # fmt: skip
 _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operation": "add"}
 """Levels that blend into each other are painted over each other, the coarsest first."""
@@ -67,7 +67,7 @@ class ImageLayer:
     def __init__(self, device: Device, view: View, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
         self._device, self._view, self._pool = device, view, pool
         self._kernel = _KERNELS[sampling]
-        self._bent = isinstance(view.placement, OnShape)
+        self._bent = view.placement.bends
         self._names = _BENT_BINDINGS if self._bent else _FLAT_BINDINGS
         self._shader = load_shader(device, "limen.draw", "image.wgsl")
         self._layout = self._bind_group_layout()
@@ -77,7 +77,7 @@ class ImageLayer:
         storage = wgpu.BufferUsage.STORAGE
         self._buffers = {
             name: GrowingBuffer(device, name, storage)
-            for name in ("panels", "eyes", "quads", "table", "levels", "finer")
+            for name in ("panels", "eyes", "quads", "table", "levels", "finer", "lenses")
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
@@ -90,7 +90,7 @@ class ImageLayer:
 
     def place(self, view: View) -> None:
         """Go on with another view of the same image on the same display (a pan or a zoom on the surface)."""
-        if isinstance(view.placement, OnShape) != self._bent or view.pyramid.size_px != self._view.pyramid.size_px:
+        if view.placement.bends != self._bent or view.pyramid.size_px != self._view.pyramid.size_px:
             raise ValueError("another image, or another kind of placement, needs another layer")
         self._view = view
         self._static_rows.clear()
@@ -178,6 +178,9 @@ class ImageLayer:
             raise InputError("images are drawn into quilts without turned panels only: pack the panels without turns")
         view, buffers = self._view, self._buffers
         pool = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
+        if self._bent:
+            lenses, pool["tables"] = records.lens_rows(view, quilt)
+            buffers["lenses"].write(lenses)
         buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool))
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))

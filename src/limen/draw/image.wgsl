@@ -27,7 +27,7 @@ struct Frame {
     eyes: u32,
     bias: i32,
     top: i32,
-    // 0: on the surface. 1: plane. 2: cylinder. 3: ellipsoid.
+    // 0: on the surface. 1: plane. 2: cylinder. 3: ellipsoid. 4: on the surface, seen through lenses.
     shape: u32,
     turn: f32,
     divisor: u32,
@@ -38,6 +38,10 @@ struct Frame {
     blend: f32,
     // Growth of the tolerance with each degree from the gaze.
     per_deg: f32,
+    lenses: u32,
+    // Where their tables begin, counted in numbers.
+    tables: u32,
+    padding: vec2<u32>,
 }
 
 struct Panel {
@@ -101,6 +105,10 @@ struct Level {
 @group(0) @binding(8) var<storage, read_write> coverage: array<atomic<u32>>;
 // Per page of the pyramid: the logarithm of the tolerance below which its finer pages are drawn.
 @group(0) @binding(9) var<storage, read> finer: array<f32>;
+
+// Per panel and lens three rows, see limen.lens: focus, from the panel's first page, and one over the radii; how far it is
+// raised, its even share, drop-off and kind; of a table, where it begins, columns and rows. Then all tables.
+@group(0) @binding(10) var<storage, read> lenses: array<vec4<f32>>;
 
 // ---------------------------------------------------------------- tolerance and level
 
@@ -265,6 +273,129 @@ fn round_place(ray: vec3<f32>, right: vec3<f32>, down: vec3<f32>) -> Place {
     place.right = texel_step(hit, step_on_round(hit, t, ray, right));
     place.down = texel_step(hit, step_on_round(hit, t, ray, down));
     return place;
+}
+
+// ---------------------------------------------------------------- lenses
+
+// How far a sheet is raised, 0 ... 1, and how that changes with the way from the focus, in radii.
+struct Raised {
+    falls: f32,
+    slope: vec2<f32>,
+}
+
+// The same along one axis: limen.lens.drop_off, and its derivative.
+fn drop_off(distance: f32, even: f32, how: u32) -> vec2<f32> {
+    let u = (distance - even) / (1.0 - even);
+    if u <= 0.0 {
+        return vec2<f32>(1.0, 0.0);
+    }
+    if u >= 1.0 {
+        return vec2<f32>();
+    }
+    let steep = 1.0 / (1.0 - even);
+    if how == 0u {
+        return vec2<f32>(1.0 - u, -steep);
+    }
+    if how == 1u {
+        return vec2<f32>(0.5 + 0.5 * cos(PI * u), -0.5 * PI * steep * sin(PI * u));
+    }
+    if how == 2u {
+        if u < 0.5 {
+            return vec2<f32>(1.0 - 2.0 * u * u, -4.0 * steep * u);
+        }
+        return vec2<f32>(2.0 * (1.0 - u) * (1.0 - u), -4.0 * steep * (1.0 - u));
+    }
+    let rim = exp(-4.5);
+    let bell = exp(-4.5 * u * u);
+    return vec2<f32>((bell - rim) / (1.0 - rim), -9.0 * steep * u * bell / (1.0 - rim));
+}
+
+fn table_height(number: u32) -> f32 {
+    let at = frame.tables + number;
+    return lenses[at / 4u][at % 4u];
+}
+
+// Weights of a uniform cubic B-spline's four knots around a place that lies t behind the second; then their derivatives.
+fn spline(t: f32) -> vec4<f32> {
+    let s = 1.0 - t;
+    return vec4<f32>(s * s * s, 4.0 - 6.0 * t * t + 3.0 * t * t * t, 4.0 - 6.0 * s * s + 3.0 * s * s * s, t * t * t) / 6.0;
+}
+
+fn spline_slope(t: f32) -> vec4<f32> {
+    let s = 1.0 - t;
+    return 0.5 * vec4<f32>(-s * s, 3.0 * t * t - 4.0 * t, 4.0 * s - 3.0 * s * s, t * t);
+}
+
+fn raised_by_table(way: vec2<f32>, begin: u32, size: vec2<u32>) -> Raised {
+    let steps = 0.5 * vec2<f32>(size - 1u);
+    let at = (way + 1.0) * steps;
+    let first = floor(at);
+    let across = spline(at.x - first.x);
+    let across_slope = spline_slope(at.x - first.x);
+    let down = spline(at.y - first.y);
+    let down_slope = spline_slope(at.y - first.y);
+    var height = 0.0;
+    var slope = vec2<f32>();
+    for (var j = 0; j < 4; j++) {
+        let line = u32(clamp(i32(first.y) + j - 1, 0, i32(size.y) - 1));
+        var knots: vec4<f32>;
+        for (var i = 0; i < 4; i++) {
+            let column = u32(clamp(i32(first.x) + i - 1, 0, i32(size.x) - 1));
+            knots[i] = table_height(begin + line * size.x + column);
+        }
+        height += down[j] * dot(across, knots);
+        slope += vec2<f32>(down[j] * dot(across_slope, knots), down_slope[j] * dot(across, knots)) * steps;
+    }
+    let size_way = abs(way);
+    let rim = drop_off(max(size_way.x, size_way.y), 0.9, 1u);
+    let outward = select(vec2<f32>(0.0, sign(way.y)), vec2<f32>(sign(way.x), 0.0), size_way.x >= size_way.y);
+    return Raised(height * rim.x, slope * rim.x + height * rim.y * outward);
+}
+
+fn raised(way: vec2<f32>, shape: vec4<f32>, table: vec4<f32>) -> Raised {
+    let kind = u32(shape.w);
+    if kind == 2u {
+        return raised_by_table(way, u32(table.x), vec2<u32>(table.yz));
+    }
+    if kind == 1u {
+        let across = drop_off(abs(way.x), shape.y, u32(shape.z));
+        let down = drop_off(abs(way.y), shape.y, u32(shape.z));
+        return Raised(across.x * down.x, sign(way) * vec2<f32>(across.y * down.x, across.x * down.y));
+    }
+    let distance = length(way);
+    let falls = drop_off(distance, shape.y, u32(shape.z));
+    return Raised(falls.x, falls.y * way / max(distance, 1e-20));
+}
+
+// What is seen at a pixel through all lenses; texels count from the panel's first page.
+fn place_through_lenses(panel: u32, pixel: vec2<f32>) -> Place {
+    let scale = panels[panel].scale;
+    var place = Place(false, scale * pixel + panels[panel].offset, vec2<f32>(scale.x, 0.0), vec2<f32>(0.0, scale.y));
+    for (var k = i32(frame.lenses) - 1; k >= 0; k--) {
+        let row = 3u * (panel * frame.lenses + u32(k));
+        let from_focus = place.texel - lenses[row].xy;
+        let way = from_focus * lenses[row].zw;
+        if any(abs(way) >= vec2<f32>(1.0)) {
+            continue;
+        }
+        let shape = lenses[row + 1u];
+        let sheet = raised(way, shape, lenses[row + 2u]);
+        let slope = sheet.slope * lenses[row].zw;
+        place.texel -= shape.x * sheet.falls * from_focus;
+        place.right -= shape.x * (sheet.falls * place.right + dot(slope, place.right) * from_focus);
+        place.down -= shape.x * (sheet.falls * place.down + dot(slope, place.down) * from_focus);
+    }
+    let whole = place.texel + vec2<f32>(panels[panel].first_page) * PAGE;
+    place.seen = all(whole >= vec2<f32>()) && all(whole < frame.image_px);
+    return place;
+}
+
+// On a shape or through lenses.
+fn place_seen(panel: u32, pixel: vec2<f32>) -> Place {
+    if frame.shape == 4u {
+        return place_through_lenses(panel, pixel);
+    }
+    return place_on_shape(panel, pixel);
 }
 
 fn place_on_shape(panel: u32, pixel: vec2<f32>) -> Place {
@@ -549,7 +680,7 @@ fn page_number(cell: vec2<u32>, level: u32) -> u32 {
 // The number of the page of a level that covers a texel; where the image lies on the surface, texels are counted from the
 // panel's first page, so that single precision suffices anywhere in a gigapixel image.
 fn cell_of(panel: u32, texel: vec2<f32>, level: u32) -> vec2<u32> {
-    if frame.shape != 0u {
+    if frame.shape != 0u && frame.shape != 4u {
         return page_at(texel, level);
     }
     let fine = vec2<i32>(floor(texel / PAGE)) + panels[panel].first_page;
@@ -571,7 +702,7 @@ fn page_light(panel: u32, place: Place, level: u32, mip: i32, true_mip: i32, tol
     var left = 1.0;
     var step = 0u;
     while left > 0.0 && i32(level + step) <= frame.top {
-        let cell = page_at(place.texel, level + step);
+        let cell = cell_of(panel, place.texel, level + step);
         let entry = table[page_number(cell, level + step)];
         if entry == NO_PAGE {
             break;
@@ -579,7 +710,9 @@ fn page_light(panel: u32, place: Place, level: u32, mip: i32, true_mip: i32, tol
         let up = entry & 0x1fu;
         let coarser = step + up;
         let shrink = exp2(-f32(level + coarser));
-        let texel = place.texel * shrink - vec2<f32>(cell >> vec2<u32>(up)) * PAGE;
+        // Whole pages first: texels may count from the panel's first one.
+        let from_page = panels[panel].first_page - vec2<i32>((cell >> vec2<u32>(up)) << vec2<u32>(level + coarser));
+        let texel = (place.texel + vec2<f32>(from_page) * PAGE) * shrink;
         let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
         let fade = select(f32((entry >> 5u) & 0x7fu) / 127.0, 1.0, OVERLAY == 2u);
         let colour = colour_of(entry >> 12u, texel, footprint, level, coarser, panel);
@@ -594,7 +727,7 @@ fn page_light(panel: u32, place: Place, level: u32, mip: i32, true_mip: i32, tol
 fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
     let panel = vertex.panel;
     let pixel = vertex.position.xy - vec2<f32>(panels[panel].quilt_px);
-    let place = place_on_shape(panel, pixel);
+    let place = place_seen(panel, pixel);
     if !place.seen || !in_outline(panel, pixel) {
         discard;
     }
@@ -640,7 +773,7 @@ fn feedback(@builtin(global_invocation_id) id: vec3<u32>) {
             return;
         }
     } else {
-        let place = place_on_shape(panel, pixel);
+        let place = place_seen(panel, pixel);
         if !place.seen {
             return;
         }

@@ -17,6 +17,7 @@ from limen.data.resample import linear_of_srgb
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
+from limen.lens import rows_of
 from limen.placement import OnShape, PanelMaps
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS
@@ -32,6 +33,7 @@ __all__ = [
     "PANEL",
     "eye_rows",
     "frame_row",
+    "lens_rows",
     "level_colours",
     "level_rows",
     "log2_tau",
@@ -59,6 +61,9 @@ FRAME = np.dtype(
         ("pool_rows", "<u4"),
         ("blend", "<f4"),
         ("per_deg", "<f4"),
+        ("lenses", "<u4"),
+        ("tables", "<u4"),
+        ("padding", "<u4", 2),
     ]
 )
 PANEL = np.dtype(
@@ -96,6 +101,7 @@ PAGE_QUAD = np.dtype(
 )
 LEVEL = np.dtype([("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("padding", "<u4"), ("colour", "<f4", 4)])
 
+_THROUGH_LENSES = 4
 _NO_PAGE = 0xFFFF_FFFF
 _ALWAYS = 1000.0
 _RAINBOW_LEVELS = 8
@@ -120,6 +126,8 @@ def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m
     if isinstance(placement, OnShape):
         row["shape"], row["turn"] = 1 + shape_kind(placement), math.radians(placement.turn_deg)
         row["eye"][0, :3] = placement.local_eye(eye_m)
+    elif placement.bends:
+        row["shape"], row["lenses"] = _THROUGH_LENSES, len(placement.lenses)
     for name, value in fields.items():
         row[name] = value
     return row
@@ -152,6 +160,22 @@ def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
     rows["true_mip"] = PanelMaps(rows["scale"] / true_px[:, None], offset).mip_level
     rows["first_page"], rows["offset"] = first, offset - first * PAGE
     return rows
+
+
+def lens_rows(view: View, quilt: Quilt) -> tuple[NDArray[np.float32], int]:
+    """The lenses of every panel of a quilt, three rows of four numbers each, then all tables; where these begin.
+
+    Foci count from the panel's first page: near it, single precision suffices. Shape (3 * panels * lenses + ..., 4).
+    """
+    if isinstance(view.placement, OnShape) or not view.placement.lenses:
+        return np.zeros((0, 4), np.float32), 0
+    assert view.maps is not None
+    of_lens, tables = rows_of(view.placement.lenses)
+    chosen = list(quilt.panels)
+    rows = np.tile(of_lens, (len(chosen), 1, 1))
+    rows[:, :, :2] -= (np.floor(view.maps.offset[chosen] / PAGE) * PAGE)[:, None]
+    whole = np.concatenate([rows.ravel(), tables, np.zeros(-len(tables) % 4)])
+    return whole.reshape(-1, 4).astype(np.float32), rows.size
 
 
 def eye_rows(view: View, quilt: Quilt, tolerance: Tolerance) -> NDArray[np.float32]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.geometry import Floats
+from limen.lens import rows_of
 from limen.placement import OnShape, OnSurface, PanelMaps, Placement
 from limen.select import kernels
 from limen.select.cut import Cut
@@ -35,8 +36,8 @@ __all__ = [
     "flat_pairs",
     "levels_at",
     "select",
+    "select_bent",
     "select_flat",
-    "select_on_shape",
     "shape_kind",
     "shares_at",
     "view_of",
@@ -101,9 +102,9 @@ def select(
 
 
 def _select_at(view: View, tolerance: Tolerance, bias: int, eye_m: tuple[float, float, float] | None) -> Cut:
-    if isinstance(view.placement, OnSurface):
-        return select_flat(view, tolerance, bias)
-    return select_on_shape(view, tolerance, bias, eye_m)
+    if view.placement.bends:
+        return select_bent(view, tolerance, bias, eye_m)
+    return select_flat(view, tolerance, bias)
 
 
 class Pairs(NamedTuple):
@@ -139,34 +140,40 @@ def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
     return _cut(view, pages, importance, panel, page, float(view.maps.footprint.min()))
 
 
-def select_on_shape(
+def select_bent(
     view: View, tolerance: Tolerance, bias: int = 0, eye_m: tuple[float, float, float] | None = None
 ) -> Cut:
-    """`select` for images on a plane, cylinder or ellipsoid in the room.
+    """`select` for images on a plane, cylinder or ellipsoid in the room, or on the surface behind lenses.
 
     Raises
     ------
     InputError
         If neither the placement nor the caller tells the eye point.
     """
-    placement = view.placement
-    assert isinstance(placement, OnShape)
-    local = placement.local_from_room()
-    closed = placement.kind != "plane" and placement.turn_deg == 360
-    shape = kernels.Shape(
-        shape_kind(placement),
-        local,
-        placement.local_eye(eye_m),
-        math.radians(placement.turn_deg),
-        np.array(view.pyramid.size_px, dtype=np.int64),
-        float(view.pyramid.size_px[0]) if closed else 0.0,
-    )
+    placement, arrays = view.placement, view.display.arrays
+    image_px = np.array(view.pyramid.size_px, dtype=np.int64)
+    if isinstance(placement, OnShape):
+        closed = placement.kind != "plane" and placement.turn_deg == 360
+        shape = kernels.Shape(
+            shape_kind(placement), placement.local_from_room(), placement.local_eye(eye_m),
+            math.radians(placement.turn_deg), image_px, float(image_px[0]) if closed else 0.0, *rows_of(()),
+        )  # fmt: skip
+        origin = view.display.nudged_origin_m
+        ways = kernels.Ways(origin, arrays.right * arrays.pitch_m[:, :1], arrays.down * arrays.pitch_m[:, 1:])
+    else:
+        assert view.maps is not None
+        shape = kernels.Shape(kernels.SURFACE, np.eye(4), np.zeros(3), 0.0, image_px, 0.0, *rows_of(placement.lenses))
+        origin = arrays.origin_m
+        ways = kernels.Ways(*(np.pad(part, ((0, 0), (0, 1))) for part in _surface_ways(view.maps)))
     coverage = np.zeros(view.pyramid.page_count)
-    kernels.shape_pages(
-        _panels(view.display.nudged_origin_m, view), shape, _pages(view), _eyes(tolerance), bias, coverage
-    )
+    kernels.shape_pages(_panels(origin, view), ways, shape, _pages(view), _eyes(tolerance), bias, coverage)
     pages = np.flatnonzero(coverage)
     return _cut(view, pages, coverage[pages], _NONE, _NONE, 1.0)
+
+
+def _surface_ways(maps: PanelMaps) -> tuple[Floats, Floats, Floats]:
+    """Texels of every panel's corner, and of a pixel to the right and down, (P, 2) each."""
+    return maps.offset, maps.scale * [1.0, 0.0], maps.scale * [0.0, 1.0]
 
 
 def _panels(origin_m: Floats, view: View) -> kernels.Panels:

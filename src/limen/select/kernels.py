@@ -14,8 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
+from limen.select.lens_kernels import seen_through, touches
 
-__all__ = ["Eyes", "Pages", "Panels", "Shape", "flat_pairs", "shape_pages"]
+__all__ = ["SURFACE", "Eyes", "Pages", "Panels", "Shape", "Ways", "flat_pairs", "shape_pages"]
 
 _SLACK = 1e-5
 _EDGE_PX = 1e-4
@@ -211,8 +212,27 @@ def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_ou
     return count
 
 
+SURFACE = 3
+"""The kind of an image on the display's surface that is seen through lenses."""
+
+_LENS_CELL_PX = 32.0
+"""Cells that lenses reach into are cut until they are as small: nine places tell how they bend then."""
+
+
+class Ways(NamedTuple):
+    """Where the first corner of every panel lies, and where a pixel leads to the right and down, (P, 3) each.
+
+    In the room; of an image on the surface, in its texels without lenses (and 0).
+    """
+
+    origin: Floats
+    across: Floats
+    below: Floats
+
+
 class Shape(NamedTuple):
-    """An image on a plane (0), cylinder (1) or ellipsoid (2) as one eye sees it; see `limen.placement.OnShape`."""
+    """An image on a plane (0), cylinder (1) or ellipsoid (2) as one eye sees it, see `limen.placement.OnShape`; or on
+    the surface (3), through lenses."""
 
     kind: int
     local: Floats  # 4 x 4, from the room to the frame in which the shape has size one
@@ -220,11 +240,16 @@ class Shape(NamedTuple):
     turn: float  # radians of the circle that the image's width covers
     image_px: NDArray[np.int64]
     period: float  # the image's width where it closes on itself, else 0
+    lenses: Floats  # of `limen.lens.rows_of`
+    tables: Floats
 
 
 @njit(cache=True, nogil=True)
 def _shape_texel(shape, x, y, z):
     """The texel behind a room position: (hit, u, v)."""
+    if shape.kind == SURFACE:
+        u, v = seen_through(shape.lenses, shape.tables, x, y)
+        return 0.0 <= u < shape.image_px[0] and 0.0 <= v < shape.image_px[1], u, v
     local, eye = shape.local, shape.eye
     ex, ey, ez = eye[0], eye[1], eye[2]
     dx = local[0, 0] * x + local[0, 1] * y + local[0, 2] * z + local[0, 3] - ex
@@ -325,6 +350,10 @@ def _add_box(shape, pages, level, box, area, finest, low, high, coverage):
 def _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
     """Count a cell's pages, or say False: it must be cut."""
     x0, y0, x1, y1 = cell[0], cell[1], cell[2], cell[3]
+    if shape.kind == SURFACE and max(x1 - x0, y1 - y0) > _LENS_CELL_PX:
+        left, top = origin[0] + across[0] * x0, origin[1] + below[1] * y0
+        if touches(shape.lenses, left, top, origin[0] + across[0] * x1, origin[1] + below[1] * y1):
+            return False
     hits, fine_mip, coarse_mip, u_low, u_high, v_low, v_high = _survey(shape, origin, across, below, x0, y0, x1, y1)
     smallest = max(x1 - x0, y1 - y0) <= _MIN_CELL_PX
     if hits == 0:
@@ -360,7 +389,7 @@ def _floor_log2(value):
 
 
 @njit(cache=True, nogil=True)
-def shape_pages(panels, shape, pages, eyes, bias, coverage):
+def shape_pages(panels, ways, shape, pages, eyes, bias, coverage):
     """Adds to ``coverage`` (one entry a page) the pixels that need each page of an image on a shape.
 
     A panel is cut into cells until a cell lies in one page, or within a quarter of a page, of one level, or is
@@ -370,8 +399,8 @@ def shape_pages(panels, shape, pages, eyes, bias, coverage):
     stack = np.empty((_STACK, 4))
     for p in range(len(panels.origin_m)):
         _eyes_on_panel(p, panels, eyes, seen)
-        pitch, size_px, origin = panels.pitch_m[p], panels.size_px[p], panels.origin_m[p]
-        across, below = panels.right[p] * pitch[0], panels.down[p] * pitch[1]
+        pitch, size_px = panels.pitch_m[p], panels.size_px[p]
+        origin, across, below = ways.origin[p], ways.across[p], ways.below[p]
         for start in range(math.ceil(size_px[0] / _FIRST_CELL_PX) * math.ceil(size_px[1] / _FIRST_CELL_PX)):
             columns = math.ceil(size_px[0] / _FIRST_CELL_PX)
             x, y = (start % columns) * _FIRST_CELL_PX, (start // columns) * _FIRST_CELL_PX

@@ -263,8 +263,8 @@ def count_traffic(
     """
     if detail is None and any(policy.name == "contrast" for policy in policies):
         raise InputError("the policy contrast needs an image whose contrast is known; one-to-one is made up")
-    if per_node and not isinstance(view.placement, OnSurface):
-        raise InputError("pages can be counted per node for an image on the display's surface only")
+    if per_node and view.placement.bends:
+        raise InputError("pages can be counted per node for an image on the display's surface only, without lenses")
     look = _Look(view, policies, per_node, detail)
     seen: list[tuple[list[int], int, Floats]] = []
     for counted in _in_threads(look, list(session.frames(rate_hz))):
@@ -331,7 +331,7 @@ class _Look:
     def _pages(self, policy: Policy, tolerance: Tolerance, eye_m: Vec3 | None) -> int:
         """As many as ``len(select(...))``; on the surface without sorting them by importance, in half the time."""
         view = self._faint if policy.name == "contrast" else self._view
-        if not isinstance(view.placement, OnSurface):
+        if view.placement.bends:
             return len(select(view, tolerance, eye_m=eye_m))
         pairs = flat_pairs(view, tolerance)
         if self._nodes is not None:
