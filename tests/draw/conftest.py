@@ -111,7 +111,7 @@ class Studio:
         with self.stream(image) as stream:
             pinned = np.array([image.pyramid.page_count - 1])
             self.settle(stream, cut) if settle else self.settle(stream, _Only(pinned))
-            drawable = stream.drawable(cut.pair_page) if view.maps is not None else stream.table()
+            drawable = stream.drawable(cut.pair_page) if not placement.bends else stream.table()
             for quilt in pack(display):
                 texture = layer.draw(cut, drawable, tolerance, quilt, overlay=overlay, eye_m=eye_m)
                 pictures.update(pieces(display, quilt, layer.read(texture)))

@@ -11,6 +11,7 @@ from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.draw.feedback import Feedback
 from limen.errors import InputError
+from limen.lens import Lens
 from limen.placement import OnShape, OnSurface
 from limen.select.detail import reduced_detail
 from limen.select.image import select, view_of
@@ -21,6 +22,11 @@ pytestmark = pytest.mark.gpu
 
 _EYE = (0.2, 1.6, 0.1)
 _PYRAMID = Pyramid.of((40_000, 20_000))
+LENSES = (
+    Lens((19_000.0, 9_000.0), 4000.0, 12.0),
+    Lens((21_500.0, 10_500.0), (2500.0, 1800.0), 3.0, 0.2, "gaussian", "rectangular"),
+    Lens((27_000.0, 12_000.0), 900.0, 5.0, heights=np.outer(np.hanning(9), np.hanning(12))),
+)
 PLACEMENTS = {
     "cover": OnSurface("cover", zoom=1.3),
     "zoomed out": OnSurface("contain", zoom=0.37),
@@ -30,6 +36,7 @@ PLACEMENTS = {
     "cylinder": OnShape("cylinder", (0, 1.5, 0), (0, 0, -5.0), (0, -6.0, 0)),
     "ellipsoid": OnShape("ellipsoid", (0, 1.5, 0), (1, 0, -5.0), (0, -5.0, 0)),
     "part of an ellipsoid": OnShape("ellipsoid", (0, 1.5, 0), (0, 0, -5.0), (0, -3.0, 0), turn_deg=200),
+    "lenses": OnSurface("cover", zoom=1.3, lenses=LENSES),
 }
 VIEWERS = {
     "nobody": [],

@@ -1,0 +1,65 @@
+"""Pages chosen through lenses: those that the pixels need, finer in the focus and coarser where a lens compresses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.select.test_image import pages_drawn, pixels, small_room
+
+import limen
+from limen.data.pages import Pyramid
+from limen.lens import Lens, jacobian_of, source_of
+from limen.placement import OnSurface
+from limen.select.image import select, view_of
+from limen.tolerance import Policy, tolerance_of
+
+PYRAMID = Pyramid.of((60_000, 24_000))
+LENSES = {
+    "one": (Lens((30_000.0, 12_000.0), 5_000.0, 16.0),),
+    "small": (Lens((24_000.0, 9_000.0), 700.0, 30.0, 0.6),),
+    "overlapping": (
+        Lens((26_000.0, 12_000.0), 6_000.0, 8.0, 0.2, "gaussian"),
+        Lens((33_000.0, 13_000.0), (7_000.0, 3_000.0), 3.0, 0.4, "quadratic", "rectangular"),
+    ),
+}
+
+
+def needed(display, placement, tolerance):
+    """The pages of every pixel, by the lenses' own Jacobian."""
+    view = view_of(display, PYRAMID, placement)
+    wanted: set[int] = set()
+    for number, panel in enumerate(display.panels):
+        places = pixels(panel).reshape(-1, 2)
+        shown = places * view.maps.scale[number] + view.maps.offset[number]
+        texels = source_of(placement.lenses, shown)
+        inside = ((texels >= 0) & (texels < PYRAMID.size_px)).all(axis=1)
+        steps = jacobian_of(placement.lenses, shown) * view.maps.scale[number]
+        footprint = np.linalg.norm(steps, axis=1).max(axis=1)
+        allowed_px = tolerance.allowed_px(panel.position_m(places), panel.pitch_m[0])
+        wanted |= pages_drawn(PYRAMID, texels[inside], footprint[inside], allowed_px[inside])
+    return wanted
+
+
+@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize("acuity", [None, 2.0, 15.0])
+def test_selection_through_lenses_is_what_the_pixels_need(name, acuity):
+    display, placement = small_room(pitch_mm=2.5), OnSurface("cover", lenses=LENSES[name])
+    viewers = [limen.Viewer((0.4, 1.6, -1.2)), limen.Viewer((-0.8, 1.4, 0.5))]
+    tolerance = tolerance_of(viewers, Policy("full") if acuity is None else Policy("acuity", acuity))
+    chosen = set(select(view_of(display, PYRAMID, placement), tolerance).pages.tolist())
+    wanted = needed(display, placement, tolerance)
+    assert wanted <= chosen, f"{len(wanted - chosen)} of {len(wanted)} pages are missing"
+    assert len(chosen) <= 1.5 * len(wanted) + 20
+
+
+def test_the_focus_asks_for_finer_pages_and_the_rim_for_coarser_ones():
+    display, tolerance = small_room(pitch_mm=2.5), tolerance_of([], Policy("full"))
+    (lens,) = LENSES["one"]
+    plain, lensed = (
+        select(view_of(display, PYRAMID, OnSurface("cover", lenses=lenses)), tolerance).pages
+        for lenses in ((), (lens,))
+    )
+    levels = PYRAMID.page_of(plain)[0]
+    finer = PYRAMID.page_of(lensed)[0]
+    assert finer.min() <= levels.min() - 3
+    assert finer.max() > levels.max()
