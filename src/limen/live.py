@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,7 +14,8 @@ from limen.display.quilt import Quilt
 from limen.draw.image import Overlay, Sampling
 from limen.frame import FrameReport, Renderer
 from limen.gpu.device import Device, open_device
-from limen.placement import Fit, OnSurface
+from limen.lens import Lens
+from limen.placement import OnSurface
 from limen.present.window import Surface, open_canvas, run_together
 from limen.tolerance import Policy
 from limen.viewer import Viewer
@@ -26,7 +27,9 @@ Tour: TypeAlias = Callable[[float], Sequence[Viewer]]
 
 _SIZE = (1440, 810)
 _ZOOM_STEP = 1.2
-_HELP = "o overlay   p policy   space pause   0 fit   q close"
+_LENS_STEP = 1.25
+_LENS_SHARE = 0.25
+_HELP = "o overlay   p policy   l lens, + - [ ] its power and size   space pause   0 fit   q close"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,7 @@ class LiveSettings:
     """What the window shows at first; keys change it."""
 
     policy: Policy
-    fit: Fit = "contain"
+    placement: OnSurface = field(default_factory=OnSurface)
     overlay: bool = False
     seconds: float | None = None
 
@@ -53,6 +56,20 @@ def unrolled_quilt(display: Display, size_px: tuple[int, int]) -> tuple[Display,
     return shown, Quilt(size_px, tuple(range(len(shown.panels))), tuple((int(x), int(y)) for x, y in offsets))
 
 
+@dataclass(frozen=True, slots=True)
+class _HandLens:
+    """A lens carried by the pointer; its radius is a share of the window's smaller side."""
+
+    magnification: float = 4.0
+    share: float = _LENS_SHARE
+
+    def stronger(self, factor: float) -> _HandLens:
+        return replace(self, magnification=min(max(self.magnification * factor, 1.0), 256.0))
+
+    def wider(self, factor: float) -> _HandLens:
+        return replace(self, share=min(max(self.share * factor, 0.02), 1.0))
+
+
 class Live:
     """The state of a window, changed by events and drawn frame by frame."""
 
@@ -63,7 +80,10 @@ class Live:
         self._tour = tour or (lambda _time_s: (Viewer((0.0, 0.0, 0.0)),))
         self._policy, self._overlay = settings.policy, settings.overlay
         self._other = Policy() if self._policy.name == "full" else Policy("full")
-        self._placement = OnSurface(settings.fit)
+        self._placement = settings.placement
+        self._hand: _HandLens | None = None
+        self._last_hand = _HandLens()
+        self._pointer = (0.0, 0.0)
         self._renderer: Renderer | None = None
         self._quilt: Quilt | None = None
         self._size_px = (0, 0)
@@ -99,10 +119,8 @@ class Live:
                 self._drag_from = (event["x"], event["y"])
             case "pointer_up":
                 self._drag_from = None
-            case "pointer_move" if self._drag_from is not None:
-                x, y = self._drag_from
-                self._drag_from = (event["x"], event["y"])
-                self._move(x - event["x"], y - event["y"])
+            case "pointer_move":
+                self._point((event["x"], event["y"]))
 
     def close(self) -> None:
         if self._renderer is not None:
@@ -117,6 +135,12 @@ class Live:
                 self._policy, self._other = self._other, self._policy
             case " ":
                 self._paused = not self._paused
+            case "l":
+                self._hold(self._last_hand if self._hand is None else None)
+            case "+" | "=" | "-" if self._hand is not None:
+                self._hold(self._hand.stronger(_LENS_STEP if key != "-" else 1 / _LENS_STEP))
+            case "[" | "]" if self._hand is not None:
+                self._hold(self._hand.wider(_LENS_STEP if key == "]" else 1 / _LENS_STEP))
             case "0":
                 self._place(replace(self._placement, zoom=1.0, centre=(0.5, 0.5)))
             case "q" | "Escape":
@@ -132,12 +156,44 @@ class Live:
             shown, self._quilt = unrolled_quilt(self._display, size_px)
         sampling: Sampling = "fast" if self._device.is_software else "sharp"
         self._renderer = Renderer(self._device, shown, self._image, self._placement, sampling=sampling)
+        self._place(self._placement)
 
     def _texels_per_pixel(self) -> float:
         assert self._renderer is not None
-        maps = self._renderer.view.maps
-        assert maps is not None
-        return float(maps.scale[0, 0])
+        return float(self._placement.panel_maps(self._renderer.view.display, self._image.size_px).scale[0, 0])
+
+    def _point(self, at: tuple[float, float]) -> None:
+        """The pointer has moved: it drags the image, or carries the lens."""
+        self._pointer = at
+        if self._drag_from is not None:
+            x, y = self._drag_from
+            self._drag_from = at
+            self._move(x - at[0], y - at[1])
+        elif self._hand is not None:
+            self._place(self._placement)
+
+    def _hold(self, hand: _HandLens | None) -> None:
+        self._hand, self._last_hand = hand, hand or self._hand or self._last_hand
+        self._place(self._placement)
+
+    def _from_middle(self, at: tuple[float, float]) -> tuple[float, float]:
+        """A place of the window from its middle, in the pixels that events are told in."""
+        x, y = (at[axis] - self._size_px[axis] / self.pixel_ratio / 2 for axis in (0, 1))
+        return x, y
+
+    def _held(self) -> tuple[Lens, ...]:
+        """The lens in the hand, over the pointer."""
+        if self._hand is None:
+            return ()
+        step = self._texels_per_pixel() * self.pixel_ratio
+        x, y = (
+            share * side + step * away
+            for share, side, away in zip(
+                self._placement.centre, self._image.size_px, self._from_middle(self._pointer), strict=True
+            )
+        )
+        radius = self._hand.share * min(self._size_px) / self.pixel_ratio * step
+        return (Lens((x, y), radius, self._hand.magnification),)
 
     def _move(self, dx: float, dy: float) -> None:
         """Move the image by a drag, in the pixels that events are told in."""
@@ -151,14 +207,14 @@ class Live:
         """Zoom so that the texel under the pointer stays there."""
         zoom = min(max(self._placement.zoom * factor, 0.5), 4096.0)
         ratio = 1 - self._placement.zoom / zoom
-        from_middle = [at[axis] - self._size_px[axis] / self.pixel_ratio / 2 for axis in (0, 1)]
-        self._move(from_middle[0] * ratio, from_middle[1] * ratio)
+        x, y = self._from_middle(at)
+        self._move(x * ratio, y * ratio)
         self._place(replace(self._placement, zoom=zoom))
 
     def _place(self, placement: OnSurface) -> None:
         self._placement = placement
         if self._renderer is not None:
-            self._renderer.place(placement)
+            self._renderer.place(replace(placement, lenses=placement.lenses + self._held()))
 
 
 def run_live(

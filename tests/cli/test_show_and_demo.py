@@ -217,3 +217,54 @@ def test_ctrl_c_ends_cleanly(words, world, tmp_path):
     assert "Traceback" not in err
     assert "interrupted" in err
     assert not [path for path in tmp_path.rglob("*") if "partial" in path.name or path.name == "big.tif"]
+
+
+@pytest.mark.gpu
+def test_lenses_change_what_they_reach(tmp_path, capsys):
+    width, height = 3200, 2000
+    squares = np.random.default_rng(0).integers(0, 256, (50, 80, 3), dtype=np.uint8)
+    Picture.fromarray(squares.repeat(40, axis=0).repeat(40, axis=1)).save(tmp_path / "squares.png")
+    words = (
+        "show",
+        tmp_path / "squares.png",
+        "--display",
+        "desktop",
+        "--scale",
+        0.1,
+        "--format",
+        "png",
+        "--json",
+        "--out",
+    )
+    assert limen(*words, tmp_path / "plain") == 0
+    plain = json.loads(capsys.readouterr().out)["frames"][0]
+    lens = f"{width / 2},{height / 2},{height / 4},6"
+    assert (
+        limen(*words, tmp_path / "lens", "--lens", lens, "--lens-drop-off", "gaussian", "--lens-shape", "rectangular")
+        == 0
+    )
+    through = json.loads(capsys.readouterr().out)["frames"][0]
+    before, after = (np.asarray(Picture.open(frame["files"][0])).astype(int) for frame in (plain, through))
+    changed = np.abs(after - before).max(axis=-1) > 12
+    assert 0.02 < changed.mean() < 0.3
+    assert not changed[:, : changed.shape[1] // 4].any()
+    assert through["pages"] > plain["pages"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--lens", "1,2,3"), "give X,Y,RADIUS,MAGNIFICATION"),
+        (("--lens", "a,b,c,d"), "give X,Y,RADIUS,MAGNIFICATION"),
+        (("--lens", "1,2,0,4"), "radius_px must be above 0"),
+        (("--lens", "1,2,9,0.5"), "magnification must be 1 or more"),
+        (("--lens", "1,2,9,nan"), "magnification must be 1 or more"),
+        (("--lens", "1,2,9,4", "--lens-focus", "1"), "focus must lie from 0 to below 1"),
+    ],
+)
+def test_lenses_that_cannot_be_are_one_line(world, tmp_path, capsys, words, says):
+    assert limen("show", world, "--display", "desktop", "--out", tmp_path / "out", *words) == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert len(said.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()

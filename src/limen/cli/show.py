@@ -17,6 +17,7 @@ from limen.cli.arguments import (
     TrianglesOption,
 )
 from limen.cli.asked import FILES_DEFAULT, WINDOWS_DEFAULT, Asked, FileOptions, Overlays, WindowOptions
+from limen.cli.lenses import LENSES_DEFAULT, LensOptions
 from limen.cli.output import DEFAULT, Common, Output
 from limen.cli.show_image import image_row, print_image_rows, write_image_frames
 from limen.cli.show_live import say_who, show_live
@@ -100,6 +101,7 @@ def show(
     mesh: MeshOptions = MESH_DEFAULT,
     terrain: TerrainOptions = TERRAIN_DEFAULT,
     points: PointsOptions = POINTS_DEFAULT,
+    lenses: LensOptions = LENSES_DEFAULT,
     common: Common = DEFAULT,
 ) -> None:
     """Draw content on a display: a window, or files with --out.
@@ -112,7 +114,7 @@ def show(
     chosen = Policy.parse(policy or "acuity", acuity_arcmin)
     name = display or ("desktop" if out else "")
     asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
-    wishes = _Wishes(fit, most_triangles, mesh, terrain, points)
+    wishes = _Wishes(fit, most_triangles, mesh, terrain, points, lenses)
     with ExitStack() as stack:
         _draw(opened_content(out_stream, content), asked, wishes, chosen, bool(policy), out, out_stream, stack)
 
@@ -131,7 +133,8 @@ def _draw(
     if isinstance(opened, Image):
         stack.enter_context(opened)
         wishes.refuse("an image", asked.overlay, ("levels",))
-        _show_image(opened, asked, policy, wishes.fit or "contain", folder, out)
+        placement = OnSurface(wishes.fit or "contain", lenses=wishes.lenses.lenses())
+        _show_image(opened, asked, policy, placement, folder, out)
     elif isinstance(opened, Mesh):
         wishes.refuse("a mesh", asked.overlay, ("panels", "simplified"))
         simplified = simplified_mesh(out, opened, policy if was_given else Policy("full"))
@@ -155,6 +158,7 @@ class _Wishes(NamedTuple):
     mesh: MeshOptions
     terrain: TerrainOptions
     points: PointsOptions
+    lenses: LensOptions
 
     def refuse(self, kind: str, overlay: str, overlays: Sequence[str]) -> None:
         """Refuse what is not for this kind of content."""
@@ -165,6 +169,7 @@ class _Wishes(NamedTuple):
             "the options of meshes": (("a mesh", "a cloud of points"), self.mesh != MESH_DEFAULT),
             "the options of terrains": (("a terrain",), self.terrain != TERRAIN_DEFAULT),
             "the options of points": (("a cloud of points",), self.points != POINTS_DEFAULT),
+            "the options of lenses": (("an image",), self.lenses != LENSES_DEFAULT),
             "--most-triangles": (("a terrain",), self.most_triangles is not None),
         }
         foreign = [words for words, (kinds, was_given) in owners.items() if was_given and kind not in kinds]
@@ -228,18 +233,20 @@ def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, ou
     out.result({"frames": rows})
 
 
-def _show_image(content: Image, asked: Asked, policy: Policy, fit: Fit, folder: Path | None, out: Output) -> None:
+def _show_image(
+    content: Image, asked: Asked, policy: Policy, placement: OnSurface, folder: Path | None, out: Output
+) -> None:
     shown = asked.shown
     if folder is None or shown is None:
         settings = LiveSettings(
-            policy=policy, fit=fit, overlay=asked.overlay == "levels", seconds=asked.windows.seconds
+            policy=policy, placement=placement, overlay=asked.overlay == "levels", seconds=asked.windows.seconds
         )
         last = run_live(content, shown, asked.tour() if shown else None, settings, out.say)
         out.result({"frames": [image_row(last, [])] if last else []})
         return
     rows = list(
         write_image_frames(
-            out, content, shown, asked.moments(), policy, OnSurface(fit), folder, asked.files.picture_format,
+            out, content, shown, asked.moments(), policy, placement, folder, asked.files.picture_format,
             scale=asked.files.scale, overlay=asked.overlay == "levels", simulate=asked.files.simulate,
         )
     )  # fmt: skip

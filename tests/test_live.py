@@ -1,0 +1,103 @@
+"""A live window onto an image: the lens in the hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import wgpu
+from PIL import Image as Picture
+
+import limen
+from limen.lens import Lens
+from limen.placement import OnSurface
+from limen.present.window import Surface
+from limen.tolerance import Policy
+
+pytestmark = pytest.mark.gpu
+
+_SIZE_PX = (320, 200)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: Any) -> Path:
+    """Squares of random colours, as large as a few pixels of the window."""
+    path: Path = tmp_path_factory.mktemp("world") / "squares.png"
+    squares = np.random.default_rng(0).integers(0, 256, (60, 96, 3), dtype=np.uint8)
+    Picture.fromarray(squares.repeat(16, axis=0).repeat(16, axis=1)).save(path)
+    return path
+
+
+class Screen:
+    """A texture instead of a window, and a `Live` that draws into it until all pages have come."""
+
+    def __init__(self, device: Any, image: Any, placement: OnSurface) -> None:
+        from limen.gpu.buffers import TextureReader
+        from limen.live import Live, LiveSettings
+
+        self.live = Live(device, image, None, None, LiveSettings(Policy(), placement))
+        self._device, self._reader = device, TextureReader(device)
+
+    def draw(self) -> np.ndarray:
+        usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC
+        texture = self._device.wgpu.create_texture(size=(*_SIZE_PX, 1), format="rgba8unorm-srgb", usage=usage)
+        shown = -1
+        while shown != 0:
+            self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, 1.0))
+            assert self.live.last is not None
+            shown = self.live.last.missing + self.live.last.uploads
+        for _ in range(40):  # pages fade in
+            self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, 1.0))
+        picture = self._reader.read(texture)[..., :3].astype(int)
+        texture.destroy()
+        return picture
+
+    def key(self, key: str) -> None:
+        self.live.handle({"event_type": "key_down", "key": key})
+
+    def point(self, x: float, y: float) -> None:
+        self.live.handle({"event_type": "pointer_move", "x": x, "y": y})
+
+    def close(self) -> None:
+        self.live.close()
+        self._reader.destroy()
+
+
+def test_a_lens_follows_the_pointer(device: Any, world: Path) -> None:
+    with limen.open(world) as image:  # type: ignore[union-attr]
+        screen = Screen(device, image, OnSurface("cover"))
+        plain = screen.draw()
+        screen.point(100.0, 90.0)
+        screen.key("l")
+        here = screen.draw()
+        screen.point(220.0, 110.0)
+        there = screen.draw()
+        screen.key("+")
+        stronger = screen.draw()
+        screen.key("[")
+        smaller = screen.draw()
+        screen.key("l")
+        np.testing.assert_array_equal(screen.draw(), plain)
+        screen.close()
+    changed = [np.argwhere(np.abs(each - plain).max(axis=-1) > 12) for each in (here, there, stronger, smaller)]
+    for places, middle in zip(changed[:2], ((90, 100), (110, 220)), strict=True):
+        away = np.linalg.norm(places - middle, axis=1)
+        assert len(places) > 300
+        assert away.max() < 0.25 * 200 + 2
+    assert np.abs(stronger - there).max() > 12
+    assert np.linalg.norm(changed[3] - (110, 220), axis=1).max() < 0.2 * 200 + 2
+
+
+def test_lenses_that_were_asked_for_stay(device: Any, world: Path) -> None:
+    with limen.open(world) as image:  # type: ignore[union-attr]
+        width, height = image.size_px
+        lens = Lens((width / 2, height / 2), height / 4, 3.0)
+        plain, through = (
+            Screen(device, image, OnSurface("cover")),
+            Screen(device, image, OnSurface("cover", lenses=(lens,))),
+        )
+        assert (np.abs(through.draw() - plain.draw()).max(axis=-1) > 12).sum() > 300
+        plain.close()
+        through.close()
