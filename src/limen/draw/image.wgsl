@@ -5,7 +5,7 @@
 //   bent_*    one quad per panel; every pixel maps itself and looks its page up in a table
 //   feedback  counts, on a reduced grid of pixels, how often every page is needed
 //
-// All three decide the level with the same functions. The processor's twin of them is limen.select.kernels.
+// All three decide the level with the same functions. The processor's twin of them is limen.select.kernels and shape_kernels.
 
 // 0: bilinear. 1: Catmull-Rom, widened to the pixel's footprint.
 override KERNEL: u32 = 1u;

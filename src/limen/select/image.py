@@ -23,7 +23,7 @@ from limen.display.display import Display
 from limen.geometry import Floats
 from limen.lens import rows_of
 from limen.placement import OnShape, OnSurface, PanelMaps, Placement
-from limen.select import kernels
+from limen.select import kernels, shape_kernels
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS, Detail, level_shares, plain_detail
 from limen.tolerance import Tolerance
@@ -154,19 +154,21 @@ def select_bent(
     image_px = np.array(view.pyramid.size_px, dtype=np.int64)
     if isinstance(placement, OnShape):
         closed = placement.kind != "plane" and placement.turn_deg == 360
-        shape = kernels.Shape(
+        shape = shape_kernels.Shape(
             shape_kind(placement), placement.local_from_room(), placement.local_eye(eye_m),
             math.radians(placement.turn_deg), image_px, float(image_px[0]) if closed else 0.0, *rows_of(()),
         )  # fmt: skip
         origin = view.display.nudged_origin_m
-        ways = kernels.Ways(origin, arrays.right * arrays.pitch_m[:, :1], arrays.down * arrays.pitch_m[:, 1:])
+        ways = shape_kernels.Ways(origin, arrays.right * arrays.pitch_m[:, :1], arrays.down * arrays.pitch_m[:, 1:])
     else:
         assert view.maps is not None
-        shape = kernels.Shape(kernels.SURFACE, np.eye(4), np.zeros(3), 0.0, image_px, 0.0, *rows_of(placement.lenses))
+        shape = shape_kernels.Shape(
+            shape_kernels.SURFACE, np.eye(4), np.zeros(3), 0.0, image_px, 0.0, *rows_of(placement.lenses)
+        )
         origin = arrays.origin_m
-        ways = kernels.Ways(*(np.pad(part, ((0, 0), (0, 1))) for part in _surface_ways(view.maps)))
+        ways = shape_kernels.Ways(*(np.pad(part, ((0, 0), (0, 1))) for part in _surface_ways(view.maps)))
     coverage = np.zeros(view.pyramid.page_count)
-    kernels.shape_pages(_panels(origin, view), ways, shape, _pages(view), _eyes(tolerance), bias, coverage)
+    shape_kernels.shape_pages(_panels(origin, view), ways, shape, _pages(view), _eyes(tolerance), bias, coverage)
     pages = np.flatnonzero(coverage)
     return _cut(view, pages, coverage[pages], _NONE, _NONE, 1.0)
 

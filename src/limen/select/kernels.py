@@ -14,18 +14,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.select.lens_kernels import seen_through, touches
 
-__all__ = ["SURFACE", "Eyes", "Pages", "Panels", "Shape", "Ways", "flat_pairs", "shape_pages"]
+__all__ = ["Eyes", "Pages", "Panels", "eyes_on_panel", "flat_pairs", "is_drawn", "rect_tolerance"]
 
 _SLACK = 1e-5
 _EDGE_PX = 1e-4
-_MIP_SLACK = 2e-2
-_MIN_CELL_PX = 16.0
-_FIRST_CELL_PX = 256.0
-_STACK = 256
 _PARTS = 4
-_ALMOST_ONE = 1.0 - 1e-12
 
 
 class Eyes(NamedTuple):
@@ -61,10 +55,10 @@ class Pages(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _rect_tolerance(x0, y0, x1, y1, seen):
+def rect_tolerance(x0, y0, x1, y1, seen):
     """A lower and an upper bound of the tolerance over a rectangle of a panel's plane; corners in metres.
 
-    ``seen`` holds the eyes in the panel's frame, see `_eyes_on_panel`.
+    ``seen`` holds the eyes in the panel's frame, see `eyes_on_panel`.
     """
     low, high = 0.0, 0.0
     for k in range(len(seen)):
@@ -93,7 +87,7 @@ def _rect_tolerance(x0, y0, x1, y1, seen):
 
 
 @njit(cache=True, nogil=True)
-def _eyes_on_panel(p, panels, eyes, seen):
+def eyes_on_panel(p, panels, eyes, seen):
     """The eyes in the frame of panel ``p``, one a row.
 
     Foot point and height (m), pixels per metre of distance; the gaze along right, down and normal, its slack (deg),
@@ -120,7 +114,7 @@ def _eyes_on_panel(p, panels, eyes, seen):
 
 
 @njit(cache=True, nogil=True)
-def _is_drawn(pages, level, column, row, finest, low, high):
+def is_drawn(pages, level, column, row, finest, low, high):
     """Whether some pixel draws a page, where the tolerance lies from ``low`` to ``high`` texels of full resolution.
 
     ``finest`` is the finest level that the pixels can show.
@@ -141,16 +135,16 @@ def _drawn_in(rect, pages, level, column, row, finest, texels, seen):
     The bounds of the tolerance over all of it may be wide, so where they alone say yes its sixteen parts are asked.
     """
     x0, y0, x1, y1 = rect
-    least, most = _rect_tolerance(x0, y0, x1, y1, seen)
-    if not _is_drawn(pages, level, column, row, finest, least * texels, most * texels):
+    least, most = rect_tolerance(x0, y0, x1, y1, seen)
+    if not is_drawn(pages, level, column, row, finest, least * texels, most * texels):
         return False
-    if _is_drawn(pages, level, column, row, finest, most * texels, least * texels):
+    if is_drawn(pages, level, column, row, finest, most * texels, least * texels):
         return True  # all of its pixels do
     dx, dy = (x1 - x0) / _PARTS, (y1 - y0) / _PARTS
     for part in range(_PARTS * _PARTS):
         left, above = x0 + dx * (part % _PARTS), y0 + dy * (part // _PARTS)
-        least, most = _rect_tolerance(left, above, left + dx, above + dy, seen)
-        if _is_drawn(pages, level, column, row, finest, least * texels, most * texels):
+        least, most = rect_tolerance(left, above, left + dx, above + dy, seen)
+        if is_drawn(pages, level, column, row, finest, least * texels, most * texels):
             return True
     return False
 
@@ -168,7 +162,7 @@ def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_ou
     top = len(pages.columns) - 1
     count = 0
     for p in range(len(panels.origin_m)):
-        _eyes_on_panel(p, panels, eyes, seen)
+        eyes_on_panel(p, panels, eyes, seen)
         px, py = panels.pitch_m[p, 0], panels.pitch_m[p, 1]
         width, height = panels.size_px[p, 0], panels.size_px[p, 1]
         sx, sy, ox, oy = scale[p, 0], scale[p, 1], offset[p, 0], offset[p, 1]
@@ -178,7 +172,7 @@ def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_ou
             continue
         texels = max(abs(sx), abs(sy)) * 2.0**bias
         finest = min(max(mip[p] + bias, 0), top)
-        low, high = _rect_tolerance(0.5 * px, 0.5 * py, (width - 0.5) * px, (height - 0.5) * py, seen)
+        low, high = rect_tolerance(0.5 * px, 0.5 * py, (width - 0.5) * px, (height - 0.5) * py, seen)
         low, high = low * texels, high * texels
         for level in range(finest, top + 1):
             if level < top and low >= 2.0 ** (level + 3):
@@ -195,7 +189,7 @@ def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_ou
                 if j0 > j1:
                     continue
                 for c in range(c0, c1 + 1):
-                    if not _is_drawn(pages, level, c, r, finest, low, high):
+                    if not is_drawn(pages, level, c, r, finest, low, high):
                         continue
                     i0 = max(0, math.ceil((max(c * span, 0.0) - ox) / sx - 0.5 - _EDGE_PX))
                     i1 = min(width, math.ceil((min((c + 1) * span, image_px[0]) - ox) / sx - 0.5 + _EDGE_PX)) - 1
@@ -210,220 +204,3 @@ def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_ou
                         area_out[count] = (i1 - i0 + 1.0) * (j1 - j0 + 1.0)
                     count += 1
     return count
-
-
-SURFACE = 3
-"""The kind of an image on the display's surface that is seen through lenses."""
-
-_LENS_CELL_PX = 32.0
-"""Cells that lenses reach into are cut until they are as small: nine places tell how they bend then."""
-
-
-class Ways(NamedTuple):
-    """Where the first corner of every panel lies, and where a pixel leads to the right and down, (P, 3) each.
-
-    In the room; of an image on the surface, in its texels without lenses (and 0).
-    """
-
-    origin: Floats
-    across: Floats
-    below: Floats
-
-
-class Shape(NamedTuple):
-    """An image on a plane (0), cylinder (1) or ellipsoid (2) as one eye sees it, see `limen.placement.OnShape`; or on
-    the surface (3), through lenses."""
-
-    kind: int
-    local: Floats  # 4 x 4, from the room to the frame in which the shape has size one
-    eye: Floats  # the eye point in that frame
-    turn: float  # radians of the circle that the image's width covers
-    image_px: NDArray[np.int64]
-    period: float  # the image's width where it closes on itself, else 0
-    lenses: Floats  # of `limen.lens.rows_of`
-    tables: Floats
-
-
-@njit(cache=True, nogil=True)
-def _shape_texel(shape, x, y, z):
-    """The texel behind a room position: (hit, u, v)."""
-    if shape.kind == SURFACE:
-        u, v = seen_through(shape.lenses, shape.tables, x, y)
-        return 0.0 <= u < shape.image_px[0] and 0.0 <= v < shape.image_px[1], u, v
-    local, eye = shape.local, shape.eye
-    ex, ey, ez = eye[0], eye[1], eye[2]
-    dx = local[0, 0] * x + local[0, 1] * y + local[0, 2] * z + local[0, 3] - ex
-    dy = local[1, 0] * x + local[1, 1] * y + local[1, 2] * z + local[1, 3] - ey
-    dz = local[2, 0] * x + local[2, 1] * y + local[2, 2] * z + local[2, 3] - ez
-    if shape.kind == 0:
-        t = -ez / dz if dz != 0.0 else -1.0
-        u, v = ex + t * dx, ey + t * dy
-    else:
-        round_y = 1.0 if shape.kind == 2 else 0.0
-        a = dx * dx + dz * dz + round_y * dy * dy
-        b = ex * dx + ez * dz + round_y * ey * dy
-        root = b * b - a * (ex * ex + ez * ez + round_y * ey * ey - 1.0)
-        if a == 0.0 or root < 0.0:
-            return False, 0.0, 0.0
-        t = (-b - math.sqrt(root)) / a
-        if t <= 0.0:
-            t = (-b + math.sqrt(root)) / a
-        hy = ey + t * dy
-        u = 0.5 + math.atan2(ex + t * dx, ez + t * dz) / shape.turn
-        v = 0.5 + (0.5 * hy if shape.kind == 1 else math.asin(min(max(hy, -1.0), 1.0)) / math.pi)
-        # A closed shape has no edge: what lies exactly behind, or at a pole, must not fall off the image.
-        if shape.period > 0.0:
-            u = min(u, _ALMOST_ONE)
-        if shape.kind == 2:
-            v = min(v, _ALMOST_ONE)
-    hit = t > 0.0 and 0.0 <= u < 1.0 and 0.0 <= v < 1.0
-    return hit, u * shape.image_px[0], v * shape.image_px[1]
-
-
-@njit(cache=True, nogil=True)
-def _wrapped(difference, period):
-    return difference - period * round(difference / period) if period > 0.0 else difference
-
-
-@njit(cache=True, nogil=True)
-def _footprint_level(shape, position, across, below, u, v):
-    """``log2 A`` at a room position, by the differences to the pixels to the right and below."""
-    _, u1, v1 = _shape_texel(shape, position[0] + across[0], position[1] + across[1], position[2] + across[2])
-    _, u2, v2 = _shape_texel(shape, position[0] + below[0], position[1] + below[1], position[2] + below[2])
-    a = math.hypot(_wrapped(u1 - u, shape.period), v1 - v)
-    b = math.hypot(_wrapped(u2 - u, shape.period), v2 - v)
-    return math.log2(max(max(a, b), 1e-30)) + 1e-3
-
-
-@njit(cache=True, nogil=True)
-def _survey(shape, origin, across, below, x0, y0, x1, y1):
-    """Nine pixels of a cell: hits, the range of log2 A, and the box of texels (u relative to an anchor)."""
-    hits, finest, coarsest = 0, math.inf, -math.inf
-    anchor, u_low, u_high, v_low, v_high = 0.0, 0.0, 0.0, 0.0, 0.0
-    for sample in range(9):
-        x = x0 + 0.5 + (x1 - x0 - 1.0) * 0.5 * (sample % 3)
-        y = y0 + 0.5 + (y1 - y0 - 1.0) * 0.5 * (sample // 3)
-        position = (
-            origin[0] + across[0] * x + below[0] * y,
-            origin[1] + across[1] * x + below[1] * y,
-            origin[2] + across[2] * x + below[2] * y,
-        )
-        hit, u, v = _shape_texel(shape, position[0], position[1], position[2])
-        if not hit:
-            continue
-        mip = _footprint_level(shape, position, across, below, u, v)
-        finest, coarsest = min(finest, mip - _MIP_SLACK), max(coarsest, mip + _MIP_SLACK)
-        if hits == 0:
-            anchor, v_low, v_high = u, v, v
-        step = _wrapped(u - anchor, shape.period)
-        u_low, u_high = min(u_low, step), max(u_high, step)
-        v_low, v_high = min(v_low, v), max(v_high, v)
-        hits += 1
-    return hits, finest, coarsest, anchor + u_low, anchor + u_high, v_low, v_high
-
-
-@njit(cache=True, nogil=True)
-def _add_box(shape, pages, level, box, area, finest, low, high, coverage):
-    """Count ``area`` pixels for every page of a level that a box of texels touches and that is drawn."""
-    u_low, u_high, v_low, v_high = box
-    span = 256.0 * 2.0**level
-    columns = pages.columns[level]
-    slop = 0.02 * max(u_high - u_low, v_high - v_low) + 0.01
-    c0, c1 = math.floor((u_low - slop) / span), math.floor((u_high + slop) / span)
-    if shape.period > 0.0:
-        # The last column may be narrow, so 'one past the end' is found by wrapping texels, not columns.
-        if u_high + slop >= shape.period:
-            c1 = columns + int((u_high + slop - shape.period) / span)
-        if u_low - slop < 0.0:
-            c0 = int((u_low - slop + shape.period) / span) - columns
-    else:
-        c0, c1 = max(c0, 0), min(c1, columns - 1)
-    r0 = max(math.floor((v_low - slop) / span), 0)
-    r1 = min(math.floor((v_high + slop) / span), pages.rows[level] - 1)
-    for r in range(r0, r1 + 1):
-        for c in range(c0, c1 + 1):
-            if _is_drawn(pages, level, c % columns, r, finest, low, high):
-                coverage[pages.first[level] + r * columns + c % columns] += area
-
-
-@njit(cache=True, nogil=True)
-def _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
-    """Count a cell's pages, or say False: it must be cut."""
-    x0, y0, x1, y1 = cell[0], cell[1], cell[2], cell[3]
-    if shape.kind == SURFACE and max(x1 - x0, y1 - y0) > _LENS_CELL_PX:
-        left, top = origin[0] + across[0] * x0, origin[1] + below[1] * y0
-        if touches(shape.lenses, left, top, origin[0] + across[0] * x1, origin[1] + below[1] * y1):
-            return False
-    hits, fine_mip, coarse_mip, u_low, u_high, v_low, v_high = _survey(shape, origin, across, below, x0, y0, x1, y1)
-    smallest = max(x1 - x0, y1 - y0) <= _MIN_CELL_PX
-    if hits == 0:
-        return smallest
-    low, high = 0.0, 0.0
-    if len(seen):
-        low, high = _rect_tolerance((x0 + 0.5) * pitch[0], (y0 + 0.5) * pitch[1], (x1 - 0.5) * pitch[0],
-                                    (y1 - 0.5) * pitch[1], seen)  # fmt: skip
-        low, high = low * 2.0 ** (fine_mip + bias), high * 2.0 ** (coarse_mip + bias)
-    top = len(pages.columns) - 1
-    finest = min(max(math.floor(fine_mip) + bias, 0), top)
-    coarsest = min(max(math.floor(coarse_mip) + bias, 0), top)
-    if not smallest:
-        span = 256.0 * 2.0 ** max(finest, min(_floor_log2(low), top))
-        extent = max(u_high - u_low, v_high - v_low)
-        one_page = math.floor(u_low / span) == math.floor(u_high / span) and math.floor(v_low / span) == math.floor(
-            v_high / span
-        )
-        one_level = max(finest, _floor_log2(low)) == max(coarsest, _floor_log2(high))
-        if hits < 9 or not one_level or not (one_page or extent <= span / 4):
-            return False
-    for level in range(finest, top + 1):
-        # Where the cell spans levels of pixels, each may be the finest that some pixel shows.
-        _add_box(shape, pages, level, (u_low, u_high, v_low, v_high), (x1 - x0) * (y1 - y0),
-                 coarsest if level <= coarsest else finest, low, high, coverage)  # fmt: skip
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _floor_log2(value):
-    """The exponent of a tolerance; 0 below 1."""
-    return math.frexp(value)[1] - 1 if value >= 1.0 else 0
-
-
-@njit(cache=True, nogil=True)
-def shape_pages(panels, ways, shape, pages, eyes, bias, coverage):
-    """Adds to ``coverage`` (one entry a page) the pixels that need each page of an image on a shape.
-
-    A panel is cut into cells until a cell lies in one page, or within a quarter of a page, of one level, or is
-    16 pixels wide; all pages that a cell's box of texels touches are counted, so the answer errs toward too many.
-    """
-    seen = np.empty((len(eyes.tan_angle), 9))
-    stack = np.empty((_STACK, 4))
-    for p in range(len(panels.origin_m)):
-        _eyes_on_panel(p, panels, eyes, seen)
-        pitch, size_px = panels.pitch_m[p], panels.size_px[p]
-        origin, across, below = ways.origin[p], ways.across[p], ways.below[p]
-        for start in range(math.ceil(size_px[0] / _FIRST_CELL_PX) * math.ceil(size_px[1] / _FIRST_CELL_PX)):
-            columns = math.ceil(size_px[0] / _FIRST_CELL_PX)
-            x, y = (start % columns) * _FIRST_CELL_PX, (start // columns) * _FIRST_CELL_PX
-            stack[0, 0], stack[0, 1] = x, y
-            stack[0, 2], stack[0, 3] = min(x + _FIRST_CELL_PX, size_px[0]), min(y + _FIRST_CELL_PX, size_px[1])
-            depth = 1
-            while depth:
-                depth -= 1
-                cell = (stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3])
-                if not _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
-                    depth = _cut_cell(cell, stack, depth)
-
-
-@njit(cache=True, nogil=True)
-def _cut_cell(cell, stack, depth):
-    """Push a cell's halves (or quarters) on the stack; returns the new depth."""
-    x0, y0, x1, y1 = cell
-    half_x = x0 + math.floor((x1 - x0) / 2) if x1 - x0 > _MIN_CELL_PX else x1
-    half_y = y0 + math.floor((y1 - y0) / 2) if y1 - y0 > _MIN_CELL_PX else y1
-    for quarter in range(4):
-        left, right = (x0, half_x) if quarter % 2 == 0 else (half_x, x1)
-        above, below = (y0, half_y) if quarter // 2 == 0 else (half_y, y1)
-        if left < right and above < below:
-            stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = left, above, right, below
-            depth += 1
-    return depth
