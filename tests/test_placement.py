@@ -10,7 +10,8 @@ import pytest
 
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.placement import arrangement_of, mesh_in_room
+from limen.lens import Lens
+from limen.placement import OnSurface, arrangement_of, mesh_in_room
 from limen.stage import SceneSettings
 from limen.track.stand import standing_viewer
 
@@ -101,3 +102,12 @@ def test_what_turns_moves_about_its_middle_unless_time_is_paused() -> None:
     assert np.linalg.norm(ways[0]) > 0.01 > 1e-6 > np.linalg.norm(ways[2])
     assert not settings.motion(box, desk, 1.5, paused=True).any()
     assert not SceneSettings().motion(box, desk, 1.5).any()
+
+
+def test_lenses_are_lenses() -> None:
+    lens = Lens((5.0, 5.0), 3.0)
+    assert OnSurface(lenses=lens).lenses == OnSurface(lenses=[lens]).lenses == (lens,)  # type: ignore[arg-type]
+    assert OnSurface(lenses=(lens,)).bends
+    assert not OnSurface().bends
+    with pytest.raises(InputError, match=r"lenses must be of the type limen\.Lens"):
+        OnSurface(lenses=((5.0, 5.0, 3.0, 2.0),))  # type: ignore[arg-type]

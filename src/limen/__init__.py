@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
+    from limen.lens import Lens as Lens
     from limen.look_at import LookAt as LookAt
     from limen.rendering import render as render
     from limen.tolerance import Tolerance as Tolerance
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Display": "limen.display.display",
     "Image": "limen.data.image",
+    "Lens": "limen.lens",
     "LimenError": "limen.errors",
     "LookAt": "limen.look_at",
     "Mesh": "limen.data.mesh",
@@ -50,6 +52,7 @@ _HOMES = {
 __all__ = [
     "Display",
     "Image",
+    "Lens",
     "LimenError",
     "LookAt",
     "Mesh",

@@ -89,6 +89,10 @@ class OnSurface:
             raise InputError(f"no fit is named '{self.fit}': there are {', '.join(FITS)}")
         if not (0 < self.zoom < math.inf and all(math.isfinite(value) for value in self.centre)):
             raise InputError(f"zoom must be positive and centre finite, got {self.zoom} and {self.centre}")
+        lenses = self.lenses if isinstance(self.lenses, list | tuple) else (self.lenses,)
+        if not all(isinstance(lens, Lens) for lens in lenses):
+            raise InputError(f"lenses must be of the type limen.Lens, got {self.lenses}")
+        object.__setattr__(self, "lenses", tuple(lenses))
 
     @property
     def bends(self) -> bool:

@@ -68,14 +68,16 @@ def render(
         Who looks. Of an image, nothing is left out for nobody. All else is seen by the first, whom it needs.
     policy
         ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.tolerance.Policy`); of a
-        terrain also ``scheel``; of a mesh or points also ``budget:N`` and ``size:N``. By default ``acuity``, of a mesh
-        ``full``: for the others its vertices are joined to a tree first, a second for a million triangles.
+        terrain also ``scheel``; of a mesh or points also ``+motion``, ``budget:N`` and ``size:N``. By default
+        ``acuity``, of a mesh ``full``: for the others its vertices are joined to a tree first, two seconds for a
+        million triangles.
     panels
         Shell-style pattern(s) of the panels wanted.
     acuity_arcmin
         For all policies but ``full`` and ``scheel``: arcminutes, ``human`` or ``snellen``.
     placement
-        How the image lies on the display: by default fitted inside the unrolled surface, centred. Of a mesh or points,
+        How the image lies on the display, and the lenses that it is seen through (`limen.placement.OnSurface`): by
+        default fitted inside the unrolled surface, centred, without any. Of a mesh or points,
         the affine map from its coordinates to the room, metres, shape (4, 4): by default
         `limen.placement.mesh_in_room`. Of a terrain, a `limen.LookAt`: from where it is looked at by the first viewer;
         by default all of it is seen.
