@@ -33,11 +33,11 @@ def world(tmp_path_factory: Any) -> Path:
 class Screen:
     """A texture instead of a window, and a `Live` that draws into it until all pages have come."""
 
-    def __init__(self, device: Any, image: Any, placement: OnSurface) -> None:
+    def __init__(self, device: Any, image: Any, placement: OnSurface, **more: Any) -> None:
         from limen.gpu.buffers import TextureReader
         from limen.live import Live, LiveSettings
 
-        self.live = Live(device, image, None, None, LiveSettings(Policy(), placement))
+        self.live = Live(device, image, None, None, LiveSettings(Policy(), placement, **more))
         self._device, self._reader = device, TextureReader(device)
 
     def draw(self) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_a_lens_follows_the_pointer(device: Any, world: Path) -> None:
         screen.key("[")
         smaller = screen.draw()
         screen.key("l")
-        np.testing.assert_array_equal(screen.draw(), plain)
+        np.testing.assert_allclose(screen.draw(), plain, atol=1)
         screen.close()
     changed = [np.argwhere(np.abs(each - plain).max(axis=-1) > 12) for each in (here, there, stronger, smaller)]
     for places, middle in zip(changed[:2], ((90, 100), (110, 220)), strict=True):
@@ -101,3 +101,19 @@ def test_lenses_that_were_asked_for_stay(device: Any, world: Path) -> None:
         assert (np.abs(through.draw() - plain.draw()).max(axis=-1) > 12).sum() > 300
         plain.close()
         through.close()
+
+
+def test_pointers_carry_lenses(device: Any, world: Path) -> None:
+    with limen.open(world) as image:  # type: ignore[union-attr]
+        width, height = image.size_px
+        lens = Lens((0.0, 0.0), height / 4, 3.0)
+        ahead, aside = limen.Pointer((0, 0, 0), (0, 0, -1)), limen.Pointer((0, 0, 0), (0, 1, 0))
+        pointing: list[limen.Pointer] = [aside]
+        screen = Screen(device, image, OnSurface("cover"), carried=(lens,), pointers=lambda _time_s: pointing)
+        still = Screen(device, image, OnSurface("cover"))
+        there = Screen(device, image, OnSurface("cover", lenses=(Lens((width / 2, height / 2), height / 4, 3.0),)))
+        np.testing.assert_allclose(screen.draw(), still.draw(), atol=1)
+        pointing[:] = [ahead]
+        assert np.abs(screen.draw() - there.draw()).max() <= 3, "but for the last digits of where it points"
+        for each in (screen, still, there):
+            each.close()

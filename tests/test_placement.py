@@ -11,9 +11,10 @@ import pytest
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.lens import Lens
-from limen.placement import OnSurface, arrangement_of, mesh_in_room
+from limen.placement import OnSurface, arrangement_of, carried_lenses, mesh_in_room, texel_pointed_at
 from limen.stage import SceneSettings
 from limen.track.stand import standing_viewer
+from limen.viewer import Pointer
 
 BOX = np.array([(-1.0, 0.0, 2.0), (3.0, 2.0, 3.0)])
 
@@ -111,3 +112,41 @@ def test_lenses_are_lenses() -> None:
     assert not OnSurface().bends
     with pytest.raises(InputError, match=r"lenses must be of the type limen\.Lens"):
         OnSurface(lenses=((5.0, 5.0, 3.0, 2.0),))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["rostock", "reality-deck", "cave"])
+def test_a_pointer_points_at_the_texel_that_the_panel_shows_there(name: str) -> None:
+    display, size_px = Display.preset(name), (30_000, 20_000)
+    maps = OnSurface("cover").panel_maps(display, size_px)
+    rng = np.random.default_rng(3)
+    for number in rng.integers(len(display.panels), size=12):
+        panel = display.panels[number]
+        pixel = rng.uniform(0, 1, 2) * panel.size_px
+        place = panel.position_m(pixel)
+        hand = place + 0.6 * np.array(panel.normal) + rng.normal(0, 0.1, 3)
+        pointer = Pointer(tuple(hand), tuple(place - hand))
+        assert texel_pointed_at(display, maps, pointer) == pytest.approx(
+            tuple(pixel * maps.scale[number] + maps.offset[number]), abs=1e-5
+        )
+
+
+def test_lenses_go_on_across_bezels_and_end_beside_the_display() -> None:
+    display, size_px = Display.preset("rostock"), (30_000, 20_000)
+    maps = OnSurface("cover").panel_maps(display, size_px)
+    left, right = display.panels[0], display.panels[1]
+    edge = (left.position_m(np.array([left.size_px[0], 500.0])), right.position_m(np.array([0.0, 500.0])))
+    middle = (edge[0] + edge[1]) / 2
+    hand = middle + 1.5 * np.array(left.normal)
+    found = texel_pointed_at(display, maps, Pointer(tuple(hand), tuple(middle - hand)))
+    ends = [
+        np.array(pixel) * maps.scale[number] + maps.offset[number]
+        for number, pixel in enumerate(((left.size_px[0], 500.0), (0.0, 500.0)))
+    ]
+    assert found == pytest.approx(tuple((ends[0] + ends[1]) / 2), abs=2)
+    lens = Lens((0.0, 0.0), 300.0, 5.0)
+    (carried,) = carried_lenses(display, maps, [Pointer(tuple(hand), tuple(middle - hand))], [lens])
+    assert carried.centre_px == found
+    assert (carried.radius_px, carried.magnification) == (300.0, 5.0)
+    for beside in (hand - middle, np.array([0.0, 1.0, 0.0])):
+        assert texel_pointed_at(display, maps, Pointer(tuple(hand), tuple(beside))) is None
+        assert carried_lenses(display, maps, [Pointer(tuple(hand), tuple(beside))], [lens]) == ()

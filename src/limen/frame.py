@@ -22,14 +22,15 @@ from limen.display.quilt import Quilt, pack, pieces
 from limen.draw.image import ImageLayer, Overlay, Sampling
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
-from limen.placement import OnSurface, Placement
+from limen.lens import Lens
+from limen.placement import OnSurface, Placement, carried_lenses
 from limen.select.cut import Cut
 from limen.select.detail import Detail
 from limen.select.image import View, select, view_of
 from limen.select.surveyed import SurveyedContrast
 from limen.stream import Drawable, PageTable, Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
-from limen.viewer import Viewer
+from limen.viewer import Pointer, Viewer
 
 __all__ = ["GPU_BYTES", "LOOKAHEAD_S", "FrameReport", "Renderer", "select_ahead"]
 
@@ -107,8 +108,8 @@ class Renderer:
         self._pack = partial(pack, display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
         self.quilts = self._pack()
         self._pool = PagePool(device, gpu_bytes)
-        self._device, self._sampling = device, sampling
-        self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling)
+        self._made_layer = partial(ImageLayer, device, pool=self._pool, sampling=sampling)
+        self._layers = {self.view.placement.bends: self._made_layer(self.view)}
         self._stream = Stream(
             image,
             self._pool.slots,
@@ -186,22 +187,34 @@ class Renderer:
             for name, picture in pieces(self.view.display, quilt, image).items():
                 yield name, picture, report
 
-    def place(self, placement: OnSurface) -> None:
-        """Move an image that lies on the surface, or its lenses; its resident pages stay."""
-        bent = self.view.placement.bends
-        self.view = view_of(self.view.display, self.view.pyramid, placement)
-        if placement.bends == bent:
-            self._layer.place(self.view)
+    def place(self, placement: OnSurface, carried: Sequence[Lens] = (), pointers: Sequence[Pointer] = ()) -> None:
+        """Move an image that lies on the surface, or its lenses; its resident pages stay.
+
+        ``carried`` are lenses that each pointer carries to where it points, wherever they say that they are.
+        """
+        view = view_of(self.view.display, self.view.pyramid, placement)
+        if carried and pointers:
+            assert view.maps is not None
+            lenses = carried_lenses(view.display, view.maps, pointers, carried)
+            view = view._replace(placement=replace(placement, lenses=placement.lenses + lenses))
+        self.view = view
+        if view.placement.bends in self._layers:
+            self._layer.place(view)
         else:
-            self._layer.destroy()
-            self._layer = ImageLayer(self._device, self.view, self._pool, sampling=self._sampling)
+            self._layers[view.placement.bends] = self._made_layer(view)
         self._parts.clear()
+
+    @property
+    def _layer(self) -> ImageLayer:
+        """Flat or bent: what draws the view as it is."""
+        return self._layers[self.view.placement.bends]
 
     def close(self) -> None:
         """Stop decoding and free the GPU memory; the device and the image stay open."""
         self._contrast.close()
         self._stream.close()
-        self._layer.destroy()
+        for layer in self._layers.values():
+            layer.destroy()
         self._pool.destroy()
 
     def __enter__(self) -> Renderer:

@@ -18,7 +18,7 @@ from limen.lens import Lens
 from limen.placement import OnSurface
 from limen.present.window import Surface, open_canvas, run_together
 from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.viewer import Pointer, Viewer, nobody_points
 
 __all__ = ["LiveSettings", "Tour", "run_live", "unrolled_quilt"]
 
@@ -40,6 +40,9 @@ class LiveSettings:
     placement: OnSurface = field(default_factory=OnSurface)
     overlay: bool = False
     seconds: float | None = None
+    carried: tuple[Lens, ...] = ()
+    pointers: Callable[[float], Sequence[Pointer]] = nobody_points
+    """Lenses that are carried by who points where, by the viewers' clock."""
 
 
 def unrolled_quilt(display: Display, size_px: tuple[int, int]) -> tuple[Display, Quilt]:
@@ -81,6 +84,8 @@ class Live:
         self._policy, self._overlay = settings.policy, settings.overlay
         self._other = Policy() if self._policy.name == "full" else Policy("full")
         self._placement = settings.placement
+        self._carried, self._pointers = settings.carried, settings.pointers
+        self._pointed: Sequence[Pointer] = ()
         self._hand: _HandLens | None = None
         self._last_hand = _HandLens()
         self._pointer = (0.0, 0.0)
@@ -102,8 +107,12 @@ class Live:
             self._clock_s += surface.time_s - self._last_s
         self._last_s = surface.time_s
         overlay: Overlay | None = "levels" if self._overlay else None
+        viewers = list(self._tour(self._clock_s))
+        if self._carried:
+            self._pointed = self._pointers(viewers[0].time_s)
+            self._place(self._placement)
         self.last = self._renderer.frame(
-            list(self._tour(self._clock_s)), self._policy, quilt=self._quilt, overlay=overlay,
+            viewers, self._policy, quilt=self._quilt, overlay=overlay,
             target=surface.target, target_format=surface.target_format,
         )  # fmt: skip
         report = self.last
@@ -214,7 +223,8 @@ class Live:
     def _place(self, placement: OnSurface) -> None:
         self._placement = placement
         if self._renderer is not None:
-            self._renderer.place(replace(placement, lenses=placement.lenses + self._held()))
+            held = replace(placement, lenses=placement.lenses + self._held())
+            self._renderer.place(held, self._carried, self._pointed)
 
 
 def run_live(

@@ -8,8 +8,8 @@ what lies behind it on the ray from one eye point, so the map bends.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,6 +19,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
 from limen.lens import Lens
+from limen.viewer import Pointer
 
 __all__ = [
     "FITS",
@@ -28,12 +29,14 @@ __all__ = [
     "PanelMaps",
     "Placement",
     "arrangement_of",
+    "carried_lenses",
     "facing_of_wall",
     "mesh_in_room",
     "mesh_stand",
     "middle_of_wall",
     "motion_of",
     "one_to_one_size_px",
+    "texel_pointed_at",
 ]
 
 Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
@@ -207,6 +210,40 @@ class OnShape:
 
 
 Placement: TypeAlias = OnSurface | OnShape
+
+_GRAZING = 1e-6
+_BEZEL_M = 0.1
+"""How far beside a panel a pointer still points at it: across bezels, lenses go on."""
+
+
+def texel_pointed_at(display: Display, maps: PanelMaps, pointer: Pointer) -> tuple[float, float] | None:
+    """The place of an image on the display's surface, without lenses, that a pointer points at; None beside it.
+
+    Of several panels in line the one whose pixels are nearest to the line, and of these the first.
+    """
+    hand, line = np.array(pointer.position_m), np.array(pointer.direction)
+    front = np.flatnonzero(display.normals @ line < -_GRAZING)
+    arrays = display.arrays
+    origin, normal, pitch = arrays.origin_m[front], display.normals[front], arrays.pitch_m[front]
+    away = ((origin - hand) * normal).sum(axis=1) / (normal @ line)
+    meets = hand + away[:, None] * line - origin
+    axes = np.stack([arrays.right[front], arrays.down[front]], axis=1)
+    place = np.einsum("pki,pi->pk", axes, meets) / pitch
+    beside_m = np.linalg.norm(np.maximum(np.maximum(-place, place - arrays.size_px[front]), 0) * pitch, axis=1)
+    hit = np.flatnonzero((away > 0) & (beside_m <= _BEZEL_M))
+    if not len(hit):
+        return None
+    first = hit[np.lexsort((away[hit], beside_m[hit]))[0]]
+    x, y = place[first] * maps.scale[front[first]] + maps.offset[front[first]]
+    return float(x), float(y)
+
+
+def carried_lenses(
+    display: Display, maps: PanelMaps, pointers: Sequence[Pointer], lenses: Sequence[Lens]
+) -> tuple[Lens, ...]:
+    """Lenses, each moved to where each pointer points; none for a pointer that points beside the display."""
+    places = [texel_pointed_at(display, maps, pointer) for pointer in pointers]
+    return tuple(replace(lens, centre_px=place) for place in places if place is not None for lens in lenses)
 
 
 def one_to_one_size_px(display: Display) -> tuple[int, int]:

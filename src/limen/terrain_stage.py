@@ -18,17 +18,12 @@ from limen.terrain import TerrainRenderer, TerrainReport
 from limen.terrain_choice import TerrainSettings
 from limen.terrain_stock import Draped
 from limen.tolerance import Policy
-from limen.viewer import Pointer, Viewer
+from limen.viewer import Pointer, Viewer, nobody_points
 
 if TYPE_CHECKING:
     from limen.data.terrain_file import Terrain
 
-__all__ = ["TerrainExhibit", "TerrainStage", "nobody_points"]
-
-
-def nobody_points(time_s: float) -> Sequence[Pointer]:
-    """No pointer at any time."""
-    return ()
+__all__ = ["TerrainExhibit", "TerrainStage"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import numpy as np
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3, cross, length, normalised
 
-__all__ = ["FASTEST_M_S", "Pointer", "Viewer"]
+__all__ = ["FASTEST_M_S", "Pointer", "Viewer", "nobody_points"]
 
 FASTEST_M_S = 5.0
 """Whoever is said to move faster jumped: the tracker changed its mind."""
@@ -144,3 +144,8 @@ class Pointer:
             raise InputError(str(error)) from None
         if not math.isfinite(self.time_s):
             raise InputError(f"pointer.time_s must be finite, got {self.time_s}")
+
+
+def nobody_points(_time_s: float) -> tuple[Pointer, ...]:
+    """No pointer at any time."""
+    return ()

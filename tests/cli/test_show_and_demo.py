@@ -18,7 +18,10 @@ from PIL import Image as Picture
 
 from limen.cli.app import main
 from limen.data import sample_image
+from limen.display.display import Display
+from limen.placement import OnSurface, texel_pointed_at
 from limen.study import demo
+from limen.track.walk import session_named
 
 LIMEN = [sys.executable, "-m", "limen.cli"]
 
@@ -268,3 +271,54 @@ def test_lenses_that_cannot_be_are_one_line(world, tmp_path, capsys, words, says
     assert says in said
     assert len(said.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.gpu
+def test_a_sessions_pointers_carry_lenses(tmp_path, capsys):
+    squares = np.random.default_rng(0).integers(0, 256, (50, 120, 3), dtype=np.uint8)
+    Picture.fromarray(squares.repeat(20, axis=0).repeat(20, axis=1)).save(tmp_path / "squares.png")
+    walk = tmp_path / "walk.csv"
+    assert limen("walk", "--display", "rostock", "--seconds", 4, "--pointers", 1, walk) == 0
+    capsys.readouterr()
+    words = (
+        "show",
+        tmp_path / "squares.png",
+        "--display",
+        "rostock",
+        "--scale",
+        0.1,
+        "--format",
+        "png",
+        "--session",
+        walk,
+    )
+    assert limen(*words, "--lens", "pointer,200,5", "--out", tmp_path / "carried", "--json") == 0
+    frame = json.loads(capsys.readouterr().out)["frames"][0]
+    display, session = Display.preset("rostock"), session_named(str(walk), Display.preset("rostock"))
+    (pointer,) = session.pointers_at(frame["time_s"])
+    shown = display.scaled(0.1)
+    x, y = texel_pointed_at(shown, OnSurface().panel_maps(shown, (2400, 1000)), pointer)
+    assert limen(*words, "--lens", f"{x},{y},200,5", "--out", tmp_path / "fixed") == 0
+    assert limen(*words, "--out", tmp_path / "plain") == 0
+    one, other, plain = (
+        np.concatenate([np.asarray(Picture.open(path)) for path in sorted((tmp_path / name).rglob("wall-*.png"))])
+        for name in ("carried", "fixed", "plain")
+    )
+    np.testing.assert_allclose(one.astype(int), other.astype(int), atol=1)
+    assert (np.abs(one.astype(int) - plain) > 12).any(axis=-1).sum() > 200
+
+
+def test_without_a_pointer_nothing_is_carried(tmp_path, capsys):
+    Picture.new("RGB", (64, 64)).save(tmp_path / "black.png")
+    words = (
+        "show",
+        tmp_path / "black.png",
+        "--display",
+        "rostock",
+        "--lens",
+        "pointer,20,4",
+        "--out",
+        tmp_path / "out",
+    )
+    assert limen(*words) == 2
+    assert "nobody points: give a --session with pointers" in capsys.readouterr().err

@@ -14,10 +14,9 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import as_vec3
 from limen.live import Tour
-from limen.terrain_stage import nobody_points
 from limen.track.session import Session
 from limen.track.stand import standing_viewer
-from limen.viewer import Pointer, Viewer
+from limen.viewer import Pointer, Viewer, nobody_points
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]
 

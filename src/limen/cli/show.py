@@ -44,6 +44,7 @@ from limen.display.display import Display
 from limen.draw.scene import SceneOverlay
 from limen.draw.terrain import TerrainOverlay
 from limen.errors import InputError
+from limen.lens import Lens
 from limen.live import LiveSettings, run_live
 from limen.placement import Fit, OnSurface
 from limen.scene import SceneReport, Simplified
@@ -134,7 +135,7 @@ def _draw(
         stack.enter_context(opened)
         wishes.refuse("an image", asked.overlay, ("levels",))
         placement = OnSurface(wishes.fit or "contain", lenses=wishes.lenses.lenses())
-        _show_image(opened, asked, policy, placement, folder, out)
+        _show_image(opened, asked, policy, placement, wishes.lenses.carried(), folder, out)
     elif isinstance(opened, Mesh):
         wishes.refuse("a mesh", asked.overlay, ("panels", "simplified"))
         simplified = simplified_mesh(out, opened, policy if was_given else Policy("full"))
@@ -234,12 +235,22 @@ def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, ou
 
 
 def _show_image(
-    content: Image, asked: Asked, policy: Policy, placement: OnSurface, folder: Path | None, out: Output
-) -> None:
+    content: Image, asked: Asked, policy: Policy, placement: OnSurface, carried: tuple[Lens, ...], folder: Path | None,
+    out: Output,
+) -> None:  # fmt: skip
     shown = asked.shown
+    if carried and not asked.pointers()(0.0):
+        raise InputError(
+            "--lens pointer,...: nobody points: give a --session with pointers (limen walk --pointers 1 makes one)"
+        )
     if folder is None or shown is None:
         settings = LiveSettings(
-            policy=policy, placement=placement, overlay=asked.overlay == "levels", seconds=asked.windows.seconds
+            policy,
+            placement,
+            overlay=asked.overlay == "levels",
+            seconds=asked.windows.seconds,
+            carried=carried,
+            pointers=asked.pointers(),
         )
         last = run_live(content, shown, asked.tour() if shown else None, settings, out.say)
         out.result({"frames": [image_row(last, [])] if last else []})
@@ -247,7 +258,8 @@ def _show_image(
     rows = list(
         write_image_frames(
             out, content, shown, asked.moments(), policy, placement, folder, asked.files.picture_format,
-            scale=asked.files.scale, overlay=asked.overlay == "levels", simulate=asked.files.simulate,
+            scale=asked.files.scale, overlay=asked.overlay == "levels", simulate=asked.files.simulate, carried=carried,
+            pointers=asked.pointers(),
         )
     )  # fmt: skip
     print_image_rows(out, rows, folder)

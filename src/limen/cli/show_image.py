@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,12 +13,13 @@ from limen.data.image import Image
 from limen.display.display import Display
 from limen.frame import FrameReport, Renderer
 from limen.gpu.device import open_device
+from limen.lens import Lens
 from limen.placement import OnSurface
 from limen.present.file import thumbnail, write_picture
 from limen.present.room import draw_room, draw_surface
 from limen.select.image import select
 from limen.tolerance import Policy, tolerance_of
-from limen.viewer import Viewer
+from limen.viewer import Pointer, Viewer, nobody_points
 
 __all__ = ["FrameRow", "image_row", "print_image_rows", "write_image_frames"]
 
@@ -58,14 +59,18 @@ def write_image_frames(
     scale: float,
     overlay: bool,
     simulate: bool,
+    carried: Sequence[Lens] = (),
+    pointers: Callable[[float], Sequence[Pointer]] = nobody_points,
 ) -> Iterator[FrameRow]:
-    """Write what every panel shows, frame by frame."""
+    """Write what every panel shows, frame by frame; ``carried`` are lenses that pointers carry."""
     shown = display if scale == 1.0 else display.scaled(scale)
     with open_device() as device, Renderer(device, shown, image, placement) as renderer:
         total = len(moments) * len(display.panels)
         with out.progress("drawing panels", total) as step:
             for number, viewers in enumerate(moments):
                 target = folder / f"frame-{number:04d}"
+                if carried:
+                    renderer.place(placement, carried, pointers(viewers[0].time_s))
                 cut = select(renderer.view, tolerance_of(viewers, policy))
                 files, pictures, reports = [], {}, []
                 drawn = renderer.pictures(viewers, policy, overlay="levels" if overlay else None)
