@@ -36,7 +36,7 @@ def table(columns: int = 17, rows: int = 9) -> np.ndarray:
     return np.exp(-3 * (x * x + y * y))
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=80)
 @given(chains, st.integers(0, 10**6))
 def test_no_lenses_fold_over(chain: list[Lens], seed: int) -> None:
     at = np.concatenate(
@@ -45,7 +45,7 @@ def test_no_lenses_fold_over(chain: list[Lens], seed: int) -> None:
     assert (np.linalg.det(jacobian_of(chain, at)) > 0).all()
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=50)
 @given(chains, st.integers(0, 10**6))
 def test_what_is_seen_at_a_place_is_shown_there(chain: list[Lens], seed: int) -> None:
     at = places(seed, 100)
@@ -61,6 +61,7 @@ def test_the_focus_stays_in_view_and_is_magnified(lens: Lens) -> None:
     np.testing.assert_allclose(jacobian_of([lens], even), np.eye(2) / lens.magnification, atol=1e-9)
 
 
+@settings(deadline=None, max_examples=40)
 @given(st.lists(lenses.filter(lambda lens: lens.drop_off != "linear"), min_size=1, max_size=3), st.integers(0, 10**6))
 def test_the_jacobian_is_that_of_small_steps(chain: list[Lens], seed: int) -> None:
     chain = [*chain, Lens((seed % 900, 400.0), (300.0, 200.0), 3.0, heights=table())]
@@ -93,7 +94,7 @@ def test_smooth_drop_offs_have_no_edge(how: str) -> None:
     assert np.abs(np.diff(linear)).max() > 1, "the test can tell"
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=40)
 @given(chains, st.integers(0, 10**6))
 def test_the_kernel_sees_what_the_definition_says(chain: list[Lens], seed: int) -> None:
     chain = [*chain, Lens((seed % 900, 400.0), (300.0, 200.0), 3.0, heights=table())]

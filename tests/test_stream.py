@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import subprocess
+import sys
 import threading
 import time
 
@@ -184,3 +186,21 @@ def test_closing_in_the_middle_of_work_returns():
     stream.close()
     with pytest.raises(InputError, match="too small"):
         Stream(Source(), slots=1)
+
+
+def test_a_program_that_fails_before_it_closes_a_stream_ends():
+    program = """
+import numpy as np
+from limen.data.pages import Pyramid
+from limen.stream import Stream
+
+class Source:
+    pyramid = Pyramid.of((4096, 2048))
+    def read_page(self, page):
+        return np.zeros((264, 264, 4), np.uint8)
+
+stream = Stream(Source(), slots=64)
+stream.update(np.arange(8))
+raise SystemExit(3)
+"""
+    assert subprocess.run([sys.executable, "-c", program], timeout=60, check=False).returncode == 3

@@ -10,7 +10,6 @@ import logging
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Generic, NamedTuple, TypeVar
 
 from limen.errors import PageError
@@ -55,9 +54,12 @@ class Fetcher(Generic[Item]):
         self._decoded: OrderedDict[int, Item] = OrderedDict()
         self.failed: set[int] = set()
         self._closed = False
-        self._workers = ThreadPoolExecutor(threads, thread_name_prefix="limen-decode")
-        for _ in range(threads):
-            self._workers.submit(self._work)
+        # Daemons: a program that ends without closing (an error in a script) must not wait for them for ever.
+        self._workers = [
+            threading.Thread(target=self._work, name=f"limen-decode-{number}", daemon=True) for number in range(threads)
+        ]
+        for worker in self._workers:
+            worker.start()
 
     def exchange(self, missing: Iterable[int], budget: int) -> tuple[list[tuple[int, Item]], Pending]:
         """Hand over what has been decoded of ``missing`` until ``budget`` is spent, and read the rest from now on.
@@ -95,7 +97,8 @@ class Fetcher(Generic[Item]):
             self._closed = True
             self._queue.clear()
             self._lock.notify_all()
-        self._workers.shutdown(wait=True)
+        for worker in self._workers:
+            worker.join()
 
     def _take(self, wishes: list[int], budget: int) -> list[tuple[int, Item]]:
         """Decoded items, the most important first; what nobody wants any more is dropped."""
