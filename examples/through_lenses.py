@@ -7,7 +7,7 @@ from limen.data import sample_image
 from limen.placement import OnSurface
 from limen.present.file import write_picture
 
-sample_image("world.tif", gigapixels=0.01)
+sample_image("world.tif", gigapixels=0.004)
 wall = limen.Display.preset("rostock")
 visitor = limen.Viewer(position_m=(0.0, 1.7, 1.5))
 

@@ -61,7 +61,7 @@ def test_the_focus_stays_in_view_and_is_magnified(lens: Lens) -> None:
     np.testing.assert_allclose(jacobian_of([lens], even), np.eye(2) / lens.magnification, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(st.lists(lenses.filter(lambda lens: lens.drop_off != "linear"), min_size=1, max_size=3), st.integers(0, 10**6))
 def test_the_jacobian_is_that_of_small_steps(chain: list[Lens], seed: int) -> None:
     chain = [*chain, Lens((seed % 900, 400.0), (300.0, 200.0), 3.0, heights=table())]
@@ -94,7 +94,7 @@ def test_smooth_drop_offs_have_no_edge(how: str) -> None:
     assert np.abs(np.diff(linear)).max() > 1, "the test can tell"
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(chains, st.integers(0, 10**6))
 def test_the_kernel_sees_what_the_definition_says(chain: list[Lens], seed: int) -> None:
     chain = [*chain, Lens((seed % 900, 400.0), (300.0, 200.0), 3.0, heights=table())]

@@ -48,7 +48,7 @@ class Screen:
             self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, 1.0))
             assert self.live.last is not None
             shown = self.live.last.missing + self.live.last.uploads
-        for _ in range(40):  # pages fade in
+        for _ in range(20):  # pages fade in
             self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, 1.0))
         picture = self._reader.read(texture)[..., :3].astype(int)
         texture.destroy()
@@ -88,19 +88,6 @@ def test_a_lens_follows_the_pointer(device: Any, world: Path) -> None:
         assert away.max() < 0.25 * 200 + 2
     assert np.abs(stronger - there).max() > 12
     assert np.linalg.norm(changed[3] - (110, 220), axis=1).max() < 0.2 * 200 + 2
-
-
-def test_lenses_that_were_asked_for_stay(device: Any, world: Path) -> None:
-    with limen.open(world) as image:  # type: ignore[union-attr]
-        width, height = image.size_px
-        lens = Lens((width / 2, height / 2), height / 4, 3.0)
-        plain, through = (
-            Screen(device, image, OnSurface("cover")),
-            Screen(device, image, OnSurface("cover", lenses=(lens,))),
-        )
-        assert (np.abs(through.draw() - plain.draw()).max(axis=-1) > 12).sum() > 300
-        plain.close()
-        through.close()
 
 
 def test_pointers_carry_lenses(device: Any, world: Path) -> None:

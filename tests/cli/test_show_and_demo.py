@@ -299,13 +299,11 @@ def test_a_sessions_pointers_carry_lenses(tmp_path, capsys):
     shown = display.scaled(0.1)
     x, y = texel_pointed_at(shown, OnSurface().panel_maps(shown, (2400, 1000)), pointer)
     assert limen(*words, "--lens", f"{x},{y},200,5", "--out", tmp_path / "fixed") == 0
-    assert limen(*words, "--out", tmp_path / "plain") == 0
-    one, other, plain = (
+    one, other = (
         np.concatenate([np.asarray(Picture.open(path)) for path in sorted((tmp_path / name).rglob("wall-*.png"))])
-        for name in ("carried", "fixed", "plain")
+        for name in ("carried", "fixed")
     )
     np.testing.assert_allclose(one.astype(int), other.astype(int), atol=1)
-    assert (np.abs(one.astype(int) - plain) > 12).any(axis=-1).sum() > 200
 
 
 def test_without_a_pointer_nothing_is_carried(tmp_path, capsys):

@@ -63,8 +63,7 @@ LENSES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", LENSES)
-@pytest.mark.parametrize("zoom", [1.0, 0.6])
+@pytest.mark.parametrize(("name", "zoom"), [*((name, 0.6) for name in LENSES), ("overlapping", 1.0)])
 def test_every_pixel_shows_what_is_seen_there(name: str, zoom: float, studio: Any, memory_image: Any) -> None:
     display, placement = wall(), OnSurface("one-to-one", zoom=zoom, lenses=LENSES[name])
     drawn = studio.draw(memory_image(picture()), display, placement, _FULL)
