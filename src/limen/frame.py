@@ -192,7 +192,7 @@ class Renderer:
 
         ``carried`` are lenses that each pointer carries to where it points, wherever they say that they are.
         """
-        view = view_of(self.view.display, self.view.pyramid, placement)
+        view = view_of(self.view.display, self.view.pyramid, placement, self.view.detail)
         if carried and pointers:
             assert view.maps is not None
             lenses = carried_lenses(view.display, view.maps, pointers, carried)
@@ -260,7 +260,7 @@ class Renderer:
         """The cut of one quilt's panels, numbered as in the whole display."""
         if quilt not in self._parts:
             part = self.view.display.part(quilt.panels)
-            self._parts[quilt] = view_of(part, self.view.pyramid, self.view.placement)
+            self._parts[quilt] = view_of(part, self.view.pyramid, self.view.placement, detail)
         cut = select(self._parts[quilt]._replace(detail=detail), tolerance, budget=self._pool.slots - 1, eye_m=eye_m)
         return replace(cut, pair_panel=np.array(quilt.panels, dtype=np.int64)[cut.pair_panel])
 

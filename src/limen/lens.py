@@ -34,7 +34,6 @@ from limen.geometry import Floats
 
 __all__ = [
     "DROP_OFFS",
-    "LENS_NUMBERS",
     "DropOff",
     "Lens",
     "drop_off",
@@ -47,7 +46,7 @@ __all__ = [
 DropOff: TypeAlias = Literal["linear", "cosine", "quadratic", "gaussian"]
 DROP_OFFS: tuple[DropOff, ...] = get_args(DropOff)
 
-LENS_NUMBERS = 12
+_NUMBERS = 12
 """Of a lens's row, see `rows_of`."""
 
 STEEP = 4.5
@@ -218,7 +217,7 @@ def rows_of(lenses: Sequence[Lens]) -> tuple[Floats, Floats]:
     Numbers are the focus (2), one over the radii (2), how far the focus is raised, ``focus``, the drop-off's place in
     `DROP_OFFS`, 0 where the lens is radial, 1 rectangular, 2 a table, and of that where it begins, columns and rows.
     """
-    rows, tables, begin = np.zeros((len(lenses), LENS_NUMBERS)), [np.zeros(0)], 0
+    rows, tables, begin = np.zeros((len(lenses), _NUMBERS)), [np.zeros(0)], 0
     for row, lens in zip(rows, lenses, strict=True):
         across, down = lens.radii_px
         kind = 2 if lens.heights is not None else int(lens.shape == "rectangular")

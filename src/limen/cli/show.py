@@ -54,6 +54,7 @@ from limen.terrain_stage import TerrainExhibit
 from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.track.stand import standing_viewer
+from limen.viewer import nobody_points
 
 if TYPE_CHECKING:
     from limen.data.points_file import Points
@@ -239,7 +240,8 @@ def _show_image(
     out: Output,
 ) -> None:  # fmt: skip
     shown = asked.shown
-    if carried and not asked.pointers()(0.0):
+    pointers = asked.pointers() if carried else nobody_points  # a session is made or read only where it is wanted
+    if carried and not pointers(0.0):
         raise InputError(
             "--lens pointer,...: nobody points: give a --session with pointers (limen walk --pointers 1 makes one)"
         )
@@ -250,7 +252,7 @@ def _show_image(
             overlay=asked.overlay == "levels",
             seconds=asked.windows.seconds,
             carried=carried,
-            pointers=asked.pointers(),
+            pointers=pointers,
         )
         last = run_live(content, shown, asked.tour() if shown else None, settings, out.say)
         out.result({"frames": [image_row(last, [])] if last else []})
@@ -259,7 +261,7 @@ def _show_image(
         write_image_frames(
             out, content, shown, asked.moments(), policy, placement, folder, asked.files.picture_format,
             scale=asked.files.scale, overlay=asked.overlay == "levels", simulate=asked.files.simulate, carried=carried,
-            pointers=asked.pointers(),
+            pointers=pointers,
         )
     )  # fmt: skip
     print_image_rows(out, rows, folder)
