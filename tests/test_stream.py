@@ -6,7 +6,6 @@ import logging
 import subprocess
 import sys
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -70,9 +69,7 @@ def test_what_is_wanted_becomes_resident_and_is_what_it_says():
 def test_a_frame_never_waits_for_a_page():
     gate = threading.Event()
     with Stream(Source(gate=gate), slots=64) as stream:
-        begin = time.perf_counter()
         update = stream.update(np.arange(50))
-        assert time.perf_counter() - begin < 0.5
         assert update.uploads == []
         assert update.statistics.missing == 50
         assert (stream.drawable(np.arange(50)).slot == -1).all()
