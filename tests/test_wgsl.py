@@ -1,7 +1,8 @@
-"""Every shader of the package is valid alone, on the adapter of this machine."""
+"""Every shader of the package is valid, alone or after the one that it follows, on the adapter of this machine."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,11 @@ def device() -> Iterator[Any]:
 
 @pytest.mark.gpu
 @pytest.mark.parametrize("path", SHADERS, ids=lambda path: str(path.relative_to(SOURCE)))
-def test_a_shader_compiles_alone(path: Path, device: Any) -> None:
+def test_a_shader_compiles(path: Path, device: Any) -> None:
     code = path.read_text(encoding="utf-8")
+    if code.startswith("// Follows"):
+        first = re.findall(r"\w+\.wgsl", code.splitlines()[0])
+        code = "".join((path.parent / name).read_text(encoding="utf-8") for name in first) + code
     if "enable clip_distances;" in code and CLIP not in device.features:
         pytest.skip("THIS ADAPTER HAS NO CLIP DISTANCES: the shader that needs them was not compiled")
     if "atomic<u64>" in code and not set(device.features) >= WIDE:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from limen.data.image import Image
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
-from limen.draw.image import ImageLayer, Overlay, Sampling
+from limen.draw.image import ImageLayer, Overlay, Sampling, drawable_of
+from limen.draw.lens_mesh import Tessellation
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.lens import Lens
@@ -28,7 +29,7 @@ from limen.select.cut import Cut
 from limen.select.detail import Detail
 from limen.select.image import View, select, view_of
 from limen.select.surveyed import SurveyedContrast
-from limen.stream import Drawable, PageTable, Stream
+from limen.stream import Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
 from limen.viewer import Pointer, Viewer
 
@@ -79,7 +80,7 @@ class Renderer:
         Most pages copied to the GPU by one live frame.
     threads
         Decoding threads; ``None`` for one a core, two at least.
-    sampling
+    sampling, tessellation
         See `limen.draw.image.ImageLayer`.
     max_quilt_px
         Most pixels drawn at once.
@@ -101,6 +102,7 @@ class Renderer:
         uploads_per_frame: int = 64,
         threads: int | None = None,
         sampling: Sampling = "sharp",
+        tessellation: Tessellation | None = None,
         max_quilt_px: int = _QUILT_PX,
     ) -> None:
         self.view: View = view_of(display, image.pyramid, placement or OnSurface())
@@ -108,8 +110,9 @@ class Renderer:
         self._pack = partial(pack, display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
         self.quilts = self._pack()
         self._pool = PagePool(device, gpu_bytes)
-        self._made_layer = partial(ImageLayer, device, pool=self._pool, sampling=sampling)
-        self._layers = {self.view.placement.bends: self._made_layer(self.view)}
+        self._layer = ImageLayer(
+            device, self.view, self._pool, sampling=sampling, tessellation=tessellation or Tessellation()
+        )
         self._stream = Stream(
             image,
             self._pool.slots,
@@ -145,7 +148,7 @@ class Renderer:
         soon = select_ahead(view, policy, viewers, self._earlier, LOOKAHEAD_S)
         self._earlier = tuple(viewers)
         update = self._stream.update(cut.pages, soon=soon, now_s=begin)
-        drawable = self._drawable(cut)
+        drawable = drawable_of(self._stream, self.view, cut)
         streamed = time.perf_counter()
         self._pool.write(update.uploads)
         for each in [quilt] if quilt else self.quilts:
@@ -178,7 +181,7 @@ class Renderer:
             cut = self._select_part(quilt, detail, tolerance, eye_m)
             selected = time.perf_counter()
             missing, uploads = self._fetch(cut)
-            drawable = self._drawable(cut)
+            drawable = drawable_of(self._stream, self.view, cut)
             streamed = time.perf_counter()
             texture = self._layer.draw(cut, drawable, tolerance, quilt, eye_m=eye_m, overlay=overlay)
             image = self._layer.read(texture)
@@ -198,23 +201,14 @@ class Renderer:
             lenses = carried_lenses(view.display, view.maps, pointers, carried)
             view = view._replace(placement=replace(placement, lenses=placement.lenses + lenses))
         self.view = view
-        if view.placement.bends in self._layers:
-            self._layer.place(view)
-        else:
-            self._layers[view.placement.bends] = self._made_layer(view)
+        self._layer.place(view)
         self._parts.clear()
-
-    @property
-    def _layer(self) -> ImageLayer:
-        """Flat or bent: what draws the view as it is."""
-        return self._layers[self.view.placement.bends]
 
     def close(self) -> None:
         """Stop decoding and free the GPU memory; the device and the image stay open."""
         self._contrast.close()
         self._stream.close()
-        for layer in self._layers.values():
-            layer.destroy()
+        self._layer.destroy()
         self._pool.destroy()
 
     def __enter__(self) -> Renderer:
@@ -274,9 +268,6 @@ class Renderer:
             if self._stream.settled:
                 return update.statistics.missing, uploaded
             self._stream.wait()
-
-    def _drawable(self, cut: Cut) -> Drawable | PageTable:
-        return self._stream.table() if self.view.placement.bends else self._stream.drawable(cut.pair_page)
 
 
 def select_ahead(

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -39,6 +40,7 @@ __all__ = [
     "drop_off",
     "jacobian_of",
     "rows_of",
+    "sharpest_bend",
     "shown_at",
     "source_of",
 ]
@@ -56,6 +58,9 @@ RIM = math.exp(-STEEP)
 
 _HALVINGS = 60
 """Of the search for where a place of the image is shown: from a lens's diameter to a float64's last digit."""
+
+
+_BEND = 1 / 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,11 +216,25 @@ def jacobian_of(lenses: Sequence[Lens], place_px: ArrayLike) -> Floats:
     return np.asarray(along)
 
 
+@lru_cache(maxsize=256)
+def sharpest_bend(lens: Lens) -> float:
+    """The largest change of the slope of what the lens raises, a texel, over `_BEND` of its radii: by it, bends of all
+    lenses are compared (Papadopoulos, Kaufman 2013, section 3.3).
+    """
+    axis = np.arange(-1, 1 + _BEND, _BEND)
+    place = np.stack(np.meshgrid(axis, axis), axis=-1) * lens.radii_px + lens.centre_px
+    slope = lens.raised(place)[1]
+    step = np.array(lens.radii_px) * _BEND
+    bends = [np.linalg.norm(np.diff(slope, axis=1 - axis), axis=-1).max() / step[axis] for axis in range(2)]
+    return float(max(bends))
+
+
 def rows_of(lenses: Sequence[Lens]) -> tuple[Floats, Floats]:
     """Lenses as kernels and shaders read them: one row each, (K, 12), and all heights behind each other, (N,).
 
     Numbers are the focus (2), one over the radii (2), how far the focus is raised, ``focus``, the drop-off's place in
-    `DROP_OFFS`, 0 where the lens is radial, 1 rectangular, 2 a table, and of that where it begins, columns and rows.
+    `DROP_OFFS`, 0 where the lens is radial, 1 rectangular, 2 a table, of that where it begins, columns and rows, and
+    one over the lens's `sharpest_bend`.
     """
     rows, tables, begin = np.zeros((len(lenses), _NUMBERS)), [np.zeros(0)], 0
     for row, lens in zip(rows, lenses, strict=True):
@@ -225,6 +244,7 @@ def rows_of(lenses: Sequence[Lens]) -> tuple[Floats, Floats]:
             *lens.centre_px, 1 / across, 1 / down, 1 - 1 / lens.magnification, lens.focus,
             DROP_OFFS.index(lens.drop_off), kind,
         )  # fmt: skip
+        row[11] = 1 / max(sharpest_bend(lens), 1e-30)
         if lens.heights is not None:
             row[8:11] = begin, lens.heights.shape[1], lens.heights.shape[0]
             tables.append(lens.heights.ravel())

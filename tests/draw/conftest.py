@@ -101,7 +101,7 @@ class Studio:
     ) -> dict[str, NDArray[np.uint8]]:
         """The picture of every panel by its name."""
         from limen.display.quilt import pack, pieces
-        from limen.draw.image import ImageLayer
+        from limen.draw.image import ImageLayer, drawable_of
         from limen.select.image import select, view_of
 
         view = view_of(display, image.pyramid, placement, detail)
@@ -111,7 +111,7 @@ class Studio:
         with self.stream(image) as stream:
             pinned = np.array([image.pyramid.page_count - 1])
             self.settle(stream, cut) if settle else self.settle(stream, _Only(pinned))
-            drawable = stream.drawable(cut.pair_page) if not placement.bends else stream.table()
+            drawable = drawable_of(stream, view, cut)
             for quilt in pack(display):
                 texture = layer.draw(cut, drawable, tolerance, quilt, overlay=overlay, eye_m=eye_m)
                 pictures.update(pieces(display, quilt, layer.read(texture)))

@@ -12,12 +12,11 @@ from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import pack
 from limen.draw import records
-from limen.draw.image import ImageLayer
+from limen.draw.image import ImageLayer, drawable_of
 from limen.placement import OnShape, OnSurface
 from limen.select import image as selector
 from limen.select.detail import KEPT
 from limen.select.image import select, view_of
-from limen.stream import PageTable
 from limen.tolerance import Policy, tolerance_of
 from limen.viewer import Viewer
 from limen.vision.acuity import optimal_distance_m
@@ -47,7 +46,7 @@ def _pictures(studio: Any, image: Any, distances_m: Any) -> Any:
             tolerance = tolerance_of([Viewer((0.0, 0.0, distance_m), eye_separation_m=0.0)], Policy())
             cut = select(view, tolerance)
             studio.settle(stream, cut)
-            drawn = layer.draw(cut, stream.drawable(cut.pair_page), tolerance, quilt)
+            drawn = layer.draw(cut, drawable_of(stream, view, cut), tolerance, quilt)
             frames.append(layer.read(drawn)[..., :3].copy())
     layer.destroy()
     return np.array(frames)
@@ -126,8 +125,8 @@ def test_a_page_that_fades_in_is_mixed_with_the_one_it_replaces(shape: str, stud
 
         def shown(now_s: float) -> Any:
             studio.pool.write(stream.update(cut.pages, now_s=now_s).uploads)
-            drawable = stream.drawable(cut.pair_page) if flat else stream.table()
-            assert flat or isinstance(drawable, PageTable)
+            drawable = drawable_of(stream, view, cut)
+            assert flat == (drawable.table is None)
             return layer.read(layer.draw(cut, drawable, nobody, quilt, eye_m=eye_m))[..., :3].copy()
 
         pinned = np.array([image.pyramid.page_count - 1])

@@ -11,7 +11,7 @@ import pytest
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
 from limen.draw.feedback import Feedback
-from limen.draw.image import ImageLayer
+from limen.draw.image import ImageLayer, drawable_of
 from limen.draw.records import level_colours
 from limen.errors import InputError
 from limen.placement import OnShape, OnSurface
@@ -78,7 +78,7 @@ def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: 
         cut = select(view, _FULL, eye_m=_EYE)
         layer = ImageLayer(studio.device, view, studio.pool)
         with studio.stream(image) as stream:
-            drawable = stream.drawable(cut.pair_page) if view.maps is not None else stream.table()
+            drawable = drawable_of(stream, view, cut)
             texture = layer.draw(cut, drawable, _FULL, pack(display)[0], eye_m=_EYE)
         assert (layer.read(texture) == 0).all()
         layer.destroy()
@@ -91,7 +91,7 @@ def test_a_quilt_with_a_turned_panel_is_refused(studio: Any, memory_image: Any, 
     cut = select(view, _FULL)
     layer = ImageLayer(studio.device, view, studio.pool)
     with studio.stream(image) as stream, pytest.raises(InputError, match="pack the panels without turns"):
-        layer.draw(cut, stream.drawable(cut.pair_page), _FULL, Quilt((200, 300), (0,), ((0, 0),), (1,)))
+        layer.draw(cut, drawable_of(stream, view, cut), _FULL, Quilt((200, 300), (0,), ((0, 0),), (1,)))
     layer.destroy()
 
 
@@ -118,7 +118,7 @@ def test_another_placement_on_the_same_layer(studio: Any, memory_image: Any, tex
             layer.place(view)
             cut = select(view, _FULL)
             studio.settle(stream, cut)
-            pictures.append(layer.read(layer.draw(cut, stream.drawable(cut.pair_page), _FULL, quilt)))
+            pictures.append(layer.read(layer.draw(cut, drawable_of(stream, view, cut), _FULL, quilt)))
     assert (pictures[0] == pictures[2]).all()
     assert (pictures[0] != pictures[1]).any()
     with pytest.raises(ValueError, match="another layer"):
@@ -141,7 +141,7 @@ def test_drawing_to_a_windows_texture_is_drawing_to_the_quilts(
     layer = ImageLayer(studio.device, view, studio.pool)
     with studio.stream(image) as stream:
         studio.settle(stream, cut)
-        drawable = stream.drawable(cut.pair_page)
+        drawable = drawable_of(stream, view, cut)
         target = texture.create_view()
         assert layer.draw(cut, drawable, _FULL, quilt, target=target, target_format=texture_format) is None
     drawn = layer.read(texture)
@@ -158,7 +158,7 @@ def test_an_image_on_a_shape_needs_an_eye(studio: Any, memory_image: Any, texels
     cut = select(view, _FULL, eye_m=_EYE)
     layer = ImageLayer(studio.device, view, studio.pool)
     with studio.stream(image) as stream, pytest.raises(InputError, match="needs an eye point"):
-        layer.draw(cut, stream.table(), _FULL, pack(display)[0])
+        layer.draw(cut, drawable_of(stream, view, cut), _FULL, pack(display)[0])
     layer.destroy()
 
 

@@ -7,7 +7,8 @@ Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, section 3.2
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import wgpu
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from limen.display.quilt import Quilt
 from limen.draw import records
+from limen.draw.lens_mesh import LensMesh, Tessellation
 from limen.errors import InputError
 from limen.geometry import Vec3
 from limen.gpu.buffers import GrowingBuffer, TextureReader
@@ -24,30 +26,47 @@ from limen.gpu.shader import load_shader
 from limen.select.cut import Cut
 from limen.select.detail import Detail
 from limen.select.image import View
-from limen.stream import Drawable, PageTable
+from limen.stream import Drawable, PageTable, Stream
 from limen.tolerance import Tolerance
 
-__all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "ImageLayer", "Overlay", "Sampling"]
+__all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "Drawn", "ImageLayer", "Overlay", "Sampling", "drawable_of"]
 
 Sampling: TypeAlias = Literal["sharp", "fast"]
-Overlay: TypeAlias = Literal["levels", "exact"]
+Overlay: TypeAlias = Literal["levels", "exact", "error"]
 
 QUILT_FORMAT = "rgba8unorm-srgb"
 EXACT_FORMAT = "rgba8unorm"
 """Format for the overlay ``exact``: level, levels coarser, the panel's place in the quilt, 255 where drawn."""
 
 _KERNELS: dict[Sampling, int] = {"fast": 0, "sharp": 1}
-_OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2}
+_OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2, "error": 3}
 _BLACK = (0.0, 0.0, 0.0, 0.0)
 
-_FLAT_BINDINGS = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear")
-_BENT_BINDINGS = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer", "lenses")
 _NUMBERS = {
     "frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7, "finer": 9,
-    "lenses": 10,
+    "lenses": 10, "corners": 15,
 }  # fmt: skip
+_FILES = ("image.wgsl", "lens_mesh.wgsl", "lens_split.wgsl")
+_FLAT = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear")
+_BENT = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer", "lenses")
+_LENS = (*_BENT, "corners")
 _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operation": "add"}
 """Levels that blend into each other are painted over each other, the coarsest first."""
+
+_EXACTLY = Tessellation()
+
+
+class Drawn(NamedTuple):
+    """Where the pages are that a frame draws."""
+
+    pairs: Drawable | None  # of `Cut.pair_page`
+    table: PageTable | None  # for pixels that look pages up
+
+
+def drawable_of(stream: Stream, view: View, cut: Cut) -> Drawn:
+    """What of a cut is there to be drawn."""
+    looked_up = view.maps is None or view.cells is not None
+    return Drawn(None if view.maps is None else stream.drawable(cut.pair_page), stream.table() if looked_up else None)
 
 
 class ImageLayer:
@@ -56,22 +75,36 @@ class ImageLayer:
     Parameters
     ----------
     view
-        The image on the display; for another placement, make another layer on the same pool.
+        The image on the display; for an image on a shape instead of the surface, or the other way round, make another
+        layer on the same pool.
     pool
         Where the image's pages are.
     sampling
         ``sharp``: a cubic kernel as wide as the pixel's footprint. ``fast``: bilinear, for live windows without a
         GPU; it aliases where a pixel covers nearly two texels.
+    tessellation
+        How what is seen through lenses is drawn.
     """
 
-    def __init__(self, device: Device, view: View, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
+    def __init__(
+        self,
+        device: Device,
+        view: View,
+        pool: PagePool,
+        *,
+        sampling: Sampling = "sharp",
+        tessellation: Tessellation = _EXACTLY,
+    ) -> None:
         self._device, self._view, self._pool = device, view, pool
-        self._kernel = _KERNELS[sampling]
-        self._bent = view.placement.bends
-        self._names = _BENT_BINDINGS if self._bent else _FLAT_BINDINGS
-        self._shader = load_shader(device, "limen.draw", "image.wgsl")
-        self._layout = self._bind_group_layout()
-        self._pipelines: dict[tuple[str, Overlay | None], Any] = {}
+        shader = load_shader(device, "limen.draw", *_FILES)
+        self._stages = {
+            "flat": _Stage(device, shader, "flat", _FLAT, {"KERNEL": _KERNELS[sampling]}),
+            "bent": _Stage(device, shader, "bent", _BENT, {"KERNEL": _KERNELS[sampling]}),
+            "lens": _Stage(
+                device, shader, "lens", _LENS, {"KERNEL": _KERNELS[sampling], "EXACT": tessellation.mode == "exact"}
+            ),
+        }
+        self.lens_mesh = LensMesh(device, shader, tessellation)
         self._targets: dict[tuple[tuple[int, int], str], Any] = {}
         self._static_rows: dict[Quilt, records.Rows] = {}
         storage = wgpu.BufferUsage.STORAGE
@@ -81,24 +114,23 @@ class ImageLayer:
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
+        self._buffers["corners"] = self.lens_mesh.corners
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._reader = TextureReader(device)
         self._table_of: PageTable | None = None
         self._detail: Detail | None = None
-        self._bind_group: Any = None
-        self._bound: tuple[int, ...] = ()
 
     def place(self, view: View) -> None:
-        """Go on with another view of the same image on the same display (a pan or a zoom on the surface)."""
-        if view.placement.bends != self._bent or view.pyramid.size_px != self._view.pyramid.size_px:
-            raise ValueError("another image, or another kind of placement, needs another layer")
+        """Go on with another view of the same image on the same display (a pan, a zoom or a lens on the surface)."""
+        if (view.maps is None) != (self._view.maps is None) or view.pyramid.size_px != self._view.pyramid.size_px:
+            raise ValueError("another image, or one on a shape instead of the surface, needs another layer")
         self._view = view
         self._static_rows.clear()
 
     def draw(
         self,
         cut: Cut,
-        drawable: Drawable | PageTable,
+        drawable: Drawn,
         tolerance: Tolerance,
         quilt: Quilt,
         *,
@@ -114,14 +146,14 @@ class ImageLayer:
         cut
             What the selector chose for the same view and tolerance.
         drawable
-            ``stream.drawable(cut.pair_page)`` for an image on the surface, ``stream.table()`` for one on a
-            shape (whose table is copied to the GPU only when it is another object than last time).
+            What `drawable_of` says of it. A table is copied to the GPU only when it is another object than last time.
         tolerance
             The tolerance that the cut was chosen for.
         eye_m
             The eye point of an image on a shape, unless the shape fixes it.
         overlay
-            ``levels`` tints each pixel by its level; ``exact`` writes numbers instead, see `EXACT_FORMAT`.
+            ``levels`` tints each pixel by its level, ``error`` by how far lenses draw it from where it belongs;
+            ``exact`` writes numbers instead, see `EXACT_FORMAT`.
         target
             A texture view to draw into (a window's), of ``target_format`` and the quilt's size.
 
@@ -132,9 +164,11 @@ class ImageLayer:
         """
         if overlay == "exact":
             target_format = EXACT_FORMAT
-        instances = self._write(cut, drawable, tolerance, quilt, eye_m)
+        quads, cells = self._write(cut, drawable, tolerance, quilt, eye_m)
         texture = None if target is not None else self._target(quilt.size_px, target_format)
         encoder = self._device.wgpu.create_command_encoder(label="image")
+        if cells:
+            self.lens_mesh.encode(encoder, cells, self._buffers)
         render_pass = encoder.begin_render_pass(
             color_attachments=[
                 {
@@ -145,10 +179,14 @@ class ImageLayer:
                 }
             ]
         )
-        if instances:
-            render_pass.set_pipeline(self._pipeline(target_format, overlay))
-            render_pass.set_bind_group(0, self._group())
-            render_pass.draw(4, instances)
+        resources = {"pool": self._pool.texels, "bilinear": self._sampler}
+        if quads:
+            stage = self._stages["bent" if self._view.maps is None else "flat"]
+            stage.begin(render_pass, self._buffers, resources, target_format, overlay)
+            render_pass.draw(4, quads)
+        if cells:
+            self._stages["lens"].begin(render_pass, self._buffers, resources, target_format, overlay)
+            render_pass.draw_indirect(self.lens_mesh.drawn.buffer, 0)
         render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
@@ -162,42 +200,45 @@ class ImageLayer:
         for texture in self._targets.values():
             texture.destroy()
         self._targets.clear()
+        self.lens_mesh.destroy()
         for buffer in self._buffers.values():
             buffer.destroy()
         self._reader.destroy()
-        self._pipelines.clear()
-        self._bind_group = self._layout = self._sampler = self._shader = None
+        self._stages.clear()
+        self._sampler = None
 
     # ------------------------------------------------------------------ steps of a draw
 
     def _write(
-        self, cut: Cut, drawable: Drawable | PageTable, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
-    ) -> int:
-        """Hand the frame over; returns how many quads are to be drawn."""
+        self, cut: Cut, drawable: Drawn, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
+    ) -> tuple[int, int]:
+        """Hand the frame over; returns how many quads and cells are to be drawn."""
         if any(quilt.turns):
             raise InputError("images are drawn into quilts without turned panels only: pack the panels without turns")
         view, buffers = self._view, self._buffers
-        pool = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
-        if self._bent:
-            lenses, pool["tables"] = records.lens_rows(view, quilt)
-            buffers["lenses"].write(lenses)
-        buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **pool))
+        fields = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
+        lenses, fields["tables"] = records.lens_rows(view, quilt)
+        buffers["lenses"].write(lenses)
+        if view.cells is not None:
+            fields |= self.lens_mesh.write(view.cells, quilt)
+        buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **fields))
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
-        if isinstance(drawable, PageTable):
+        if drawable.table is not None:
             if cut.detail is not self._detail:
                 buffers["finer"].write(records.log2_tau(cut.detail.tau).astype(np.float32))
                 self._detail = cut.detail
-            if drawable is not self._table_of:
-                buffers["table"].write(records.page_table(drawable))
-                self._table_of = drawable
-            return len(quilt.panels)
-        quads = records.page_quads(view, quilt, cut, drawable)
+            if drawable.table is not self._table_of:
+                buffers["table"].write(records.page_table(drawable.table))
+                self._table_of = drawable.table
+        if drawable.pairs is None:
+            return len(quilt.panels), 0
+        quads = records.page_quads(view, quilt, cut, drawable.pairs)
         buffers["quads"].write(quads)
-        return len(quads)
+        return len(quads), fields.get("cells", 0)
 
     def _panel_rows(self, quilt: Quilt, eye_m: Vec3 | None) -> records.Rows:
-        if self._bent:
+        if self._view.maps is None:
             return records.panel_rows(self._view, quilt, eye_m)
         if quilt not in self._static_rows:
             self._static_rows[quilt] = records.panel_rows(self._view, quilt, eye_m)
@@ -212,17 +253,41 @@ class ImageLayer:
             )
         return self._targets[key]
 
-    def _group(self) -> Any:
-        """The bind group; a new one where a buffer had to grow."""
-        used = [self._buffers[name] for name in self._names if name in self._buffers]
-        state = tuple(buffer.generation for buffer in used)
-        if self._bind_group is None or state != self._bound:
-            resources: dict[str, Any] = {name: {"buffer": buffer.buffer} for name, buffer in self._buffers.items()}
-            resources |= {"pool": self._pool.texels, "bilinear": self._sampler}
+
+class _Stage:
+    """One of the shader's ways of drawing, and what it reads."""
+
+    def __init__(
+        self, device: Device, shader: Any, kind: str, names: Sequence[str], constants: dict[str, float]
+    ) -> None:
+        self._device, self._shader, self._kind, self._names, self._constants = device, shader, kind, names, constants
+        self._layout: Any = None
+        self._group: Any = None
+        self._bound: tuple[int, ...] = ()
+        self._pipelines: dict[tuple[str, Overlay | None], Any] = {}
+
+    def begin(
+        self,
+        render_pass: Any,
+        buffers: dict[str, GrowingBuffer],
+        resources: dict[str, Any],
+        target_format: str,
+        overlay: Overlay | None,
+    ) -> None:
+        """Set all that a draw call needs; the bind group is a new one where a buffer had to grow."""
+        if self._layout is None:
+            self._layout = self._bind_group_layout()
+        if (target_format, overlay) not in self._pipelines:
+            self._pipelines[target_format, overlay] = self._pipeline(target_format, overlay)
+        used = [name for name in self._names if name in buffers]
+        state = tuple(buffers[name].generation for name in used)
+        if self._group is None or state != self._bound:
+            resources = resources | {name: {"buffer": buffers[name].buffer} for name in used}
             entries = [{"binding": _NUMBERS[name], "resource": resources[name]} for name in self._names]
-            self._bind_group = self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
+            self._group = self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
             self._bound = state
-        return self._bind_group
+        render_pass.set_pipeline(self._pipelines[target_format, overlay])
+        render_pass.set_bind_group(0, self._group)
 
     def _bind_group_layout(self) -> Any:
         both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
@@ -236,23 +301,19 @@ class ImageLayer:
         return self._device.wgpu.create_bind_group_layout(entries=entries)
 
     def _pipeline(self, target_format: str, overlay: Overlay | None) -> Any:
-        key = (target_format, overlay)
-        if key not in self._pipelines:
-            kind = "bent" if self._bent else "flat"
-            colours: dict[str, Any] = {"format": target_format}
-            if overlay != "exact":
-                colours["blend"] = {"color": _OVER, "alpha": {**_OVER, "src_factor": "one"}}
-            constants = {"KERNEL": self._kernel, "OVERLAY": _OVERLAYS[overlay]}
-            self._pipelines[key] = self._device.wgpu.create_render_pipeline(
-                label=f"image {kind}",
-                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
-                vertex={"module": self._shader, "entry_point": f"{kind}_vertex"},
-                primitive={"topology": "triangle-strip"},
-                fragment={
-                    "module": self._shader,
-                    "entry_point": f"{kind}_fragment",
-                    "constants": constants,
-                    "targets": [colours],
-                },
-            )
-        return self._pipelines[key]
+        colours: dict[str, Any] = {"format": target_format}
+        # What is seen through lenses lies over what would be seen without them.
+        if overlay != "exact" and self._kind != "lens":
+            colours["blend"] = {"color": _OVER, "alpha": {**_OVER, "src_factor": "one"}}
+        return self._device.wgpu.create_render_pipeline(
+            label=f"image {self._kind}",
+            layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+            vertex={"module": self._shader, "entry_point": f"{self._kind}_vertex"},
+            primitive={"topology": "triangle-list" if self._kind == "lens" else "triangle-strip"},
+            fragment={
+                "module": self._shader,
+                "entry_point": f"{self._kind}_fragment",
+                "constants": {**self._constants, "OVERLAY": _OVERLAYS[overlay]},
+                "targets": [colours],
+            },
+        )

@@ -1,15 +1,17 @@
 // Draws an image's pages on panels, and finds the pages that panels need.
 //
-// Three ways in:
+// Four ways in:
 //   flat_*    one quad per (panel, page); the processor chose the pages' slots
 //   bent_*    one quad per panel; every pixel maps itself and looks its page up in a table
+//   lens_*    of lens_mesh.wgsl: the same in triangles, where the image is seen through lenses
 //   feedback  counts, on a reduced grid of pixels, how often every page is needed
 //
 // All three decide the level with the same functions. The processor's twin of them is limen.select.kernels and shape_kernels.
 
 // 0: bilinear. 1: Catmull-Rom, widened to the pixel's footprint.
 override KERNEL: u32 = 1u;
-// 0: the picture. 1: the level's colour over the picture. 2: level, levels coarser, panel as numbers.
+// 0: the picture. 1: the level's colour over the picture. 2: level, levels coarser, panel as numbers. 3: the error's colour
+// over the picture.
 override OVERLAY: u32 = 0u;
 
 const PAGE: f32 = 256.0;
@@ -41,7 +43,9 @@ struct Frame {
     lenses: u32,
     // Where their tables begin, counted in numbers.
     tables: u32,
-    padding: vec2<u32>,
+    // Of lens_mesh.wgsl.
+    cells: u32,
+    most_triangles: u32,
 }
 
 struct Panel {
@@ -367,27 +371,36 @@ fn raised(way: vec2<f32>, shape: vec4<f32>, table: vec4<f32>) -> Raised {
     return Raised(falls.x, falls.y * way / max(distance, 1e-20));
 }
 
+// The sheet that a lens raises where a texel lies without it, and how that changes with the texel.
+fn sheet_at(row: u32, texel: vec2<f32>) -> Raised {
+    let way = (texel - lenses[row].xy) * lenses[row].zw;
+    if any(abs(way) >= vec2<f32>(1.0)) {
+        return Raised(0.0, vec2<f32>());
+    }
+    let shape = lenses[row + 1u];
+    let sheet = raised(way, shape, lenses[row + 2u]);
+    return Raised(shape.x * sheet.falls, shape.x * sheet.slope * lenses[row].zw);
+}
+
 // What is seen at a pixel through all lenses; texels count from the panel's first page.
 fn place_through_lenses(panel: u32, pixel: vec2<f32>) -> Place {
     let scale = panels[panel].scale;
     var place = Place(false, scale * pixel + panels[panel].offset, vec2<f32>(scale.x, 0.0), vec2<f32>(0.0, scale.y));
     for (var k = i32(frame.lenses) - 1; k >= 0; k--) {
         let row = 3u * (panel * frame.lenses + u32(k));
+        let sheet = sheet_at(row, place.texel);
         let from_focus = place.texel - lenses[row].xy;
-        let way = from_focus * lenses[row].zw;
-        if any(abs(way) >= vec2<f32>(1.0)) {
-            continue;
-        }
-        let shape = lenses[row + 1u];
-        let sheet = raised(way, shape, lenses[row + 2u]);
-        let slope = sheet.slope * lenses[row].zw;
-        place.texel -= shape.x * sheet.falls * from_focus;
-        place.right -= shape.x * (sheet.falls * place.right + dot(slope, place.right) * from_focus);
-        place.down -= shape.x * (sheet.falls * place.down + dot(slope, place.down) * from_focus);
+        place.texel -= sheet.falls * from_focus;
+        place.right -= sheet.falls * place.right + dot(sheet.slope, place.right) * from_focus;
+        place.down -= sheet.falls * place.down + dot(sheet.slope, place.down) * from_focus;
     }
+    return in_image(panel, place);
+}
+
+// The same, with whether it lies in the image.
+fn in_image(panel: u32, place: Place) -> Place {
     let whole = place.texel + vec2<f32>(panels[panel].first_page) * PAGE;
-    place.seen = all(whole >= vec2<f32>()) && all(whole < frame.image_px);
-    return place;
+    return Place(all(whole >= vec2<f32>()) && all(whole < frame.image_px), place.texel, place.right, place.down);
 }
 
 // On a shape or through lenses.
@@ -564,6 +577,23 @@ fn tinted(colour: vec4<f32>, level: u32, mip: i32, true_mip: i32, tolerance: f32
     return vec4<f32>(mix(colour.rgb, tint.rgb, tint.a), colour.a);
 }
 
+// The overlay of errors: how many pixels what is seen lies from where it belongs, in the colours of Papadopoulos, Kaufman
+// 2013, figure 4.
+fn with_error(colour: vec4<f32>, error_px: f32) -> vec4<f32> {
+    if OVERLAY != 3u {
+        return colour;
+    }
+    var tint = vec3<f32>(1.0, 0.0, 0.0);
+    if error_px < 0.1 {
+        tint = vec3<f32>(0.2);
+    } else if error_px < 0.5 {
+        tint = vec3<f32>(0.0, 0.1, 1.0);
+    } else if error_px < 1.0 {
+        tint = vec3<f32>(0.0, 0.7, 0.1);
+    }
+    return vec4<f32>(mix(colour.rgb, tint, 0.6), colour.a);
+}
+
 // The part of a page in a pixel, from the shares that its finer pages (below) and all that is not coarser (above) have.
 fn share_of(below: f32, above: f32) -> f32 {
     if OVERLAY == 2u {
@@ -648,7 +678,7 @@ fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
     let texel = vertex.map.xy * pixel + vertex.map.zw;
     let colour = colour_of(vertex.names.z, texel, abs(vertex.map.xy), vertex.names.y, vertex.names.w, panel);
     let mip = panels[panel].mip + frame.bias;
-    let seen = tinted(colour, vertex.names.y, mip, panels[panel].true_mip, tolerance, vertex.names.w);
+    let seen = with_error(tinted(colour, vertex.names.y, mip, panels[panel].true_mip, tolerance, vertex.names.w), 0.0);
     if OVERLAY == 2u {
         return seen;
     }
@@ -723,14 +753,8 @@ fn page_light(panel: u32, place: Place, level: u32, mip: i32, true_mip: i32, tol
     return light;
 }
 
-@fragment
-fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
-    let panel = vertex.panel;
-    let pixel = vertex.position.xy - vec2<f32>(panels[panel].quilt_px);
-    let place = place_seen(panel, pixel);
-    if !place.seen || !in_outline(panel, pixel) {
-        discard;
-    }
+// What is drawn at a pixel that shows a place of the image; nothing where no page has come.
+fn light_at(panel: u32, pixel: vec2<f32>, place: Place) -> vec4<f32> {
     let tolerance = tolerance_log2(tolerance_px(panel, pixel), footprint_of(place));
     let mip = clamp(mip_of(place, 1.0) + frame.bias, 0, frame.top);
     let true_mip = mip_of(place, panels[panel].true_px);
@@ -744,10 +768,22 @@ fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
             light += share * page_light(panel, place, level, mip, true_mip, tolerance);
         }
     }
+    return vec4<f32>(light.rgb, select(0.0, 1.0, light.a > 0.0));
+}
+
+@fragment
+fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
+    let panel = vertex.panel;
+    let pixel = vertex.position.xy - vec2<f32>(panels[panel].quilt_px);
+    let place = place_on_shape(panel, pixel);
+    if !place.seen || !in_outline(panel, pixel) {
+        discard;
+    }
+    let light = light_at(panel, pixel, place);
     if light.a <= 0.0 {
         discard;
     }
-    return vec4<f32>(light.rgb, 1.0);
+    return with_error(light, 0.0);
 }
 
 // ---------------------------------------------------------------- feedback

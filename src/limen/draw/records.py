@@ -22,6 +22,7 @@ from limen.placement import OnShape, PanelMaps
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS
 from limen.select.image import View, shape_kind
+from limen.select.lens_cells import first_pixel
 from limen.stream import Drawable, PageTable
 from limen.tolerance import Tolerance
 from limen.vision.acuity import GAZE_PER_DEG
@@ -63,7 +64,8 @@ FRAME = np.dtype(
         ("per_deg", "<f4"),
         ("lenses", "<u4"),
         ("tables", "<u4"),
-        ("padding", "<u4", 2),
+        ("cells", "<u4"),
+        ("most_triangles", "<u4"),
     ]
 )
 PANEL = np.dtype(
@@ -223,14 +225,14 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     span = PAGE * np.exp2(level)[:, None]
     size_px = view.display.arrays.size_px[panel]
 
-    def first_pixel(texel: Floats) -> Floats:
-        return np.clip(np.ceil((texel - offset) / scale - 0.5), 0, size_px)
+    def pixels_before(texel: Floats) -> Index:
+        return np.clip(first_pixel(texel, scale, offset), 0, size_px)
 
     coarser = drawable.coarser[here]
     shrink = np.exp2(-(level + coarser))[:, None]
     rows = np.zeros(len(panel), PAGE_QUAD)
-    rows["rect_px"][:, :2] = first_pixel(cell * span)
-    rows["rect_px"][:, 2:] = first_pixel(np.minimum((cell + 1) * span, np.array(view.pyramid.size_px)))
+    rows["rect_px"][:, :2] = pixels_before(cell * span)
+    rows["rect_px"][:, 2:] = pixels_before(np.minimum((cell + 1) * span, np.array(view.pyramid.size_px)))
     rows["scale"], rows["offset"] = scale * shrink, offset * shrink - (cell >> coarser[:, None]) * PAGE
     rows["panel"], rows["level"] = row_of[panel], level
     rows["slot"], rows["coarser"] = drawable.slot[here], coarser

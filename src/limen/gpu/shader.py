@@ -1,4 +1,7 @@
-"""WGSL files lie beside the module that uses them and are valid alone."""
+"""WGSL files lie beside the module that uses them.
+
+They are valid alone, or after the file that their first line says they follow.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ def shader_text(package: str, name: str) -> str:
     return (files(package) / name).read_text(encoding="utf-8")
 
 
-def load_shader(device: Device, package: str, name: str) -> Any:
-    """A compiled shader module; its label is the file's name, which wgpu's messages repeat."""
-    return device.wgpu.create_shader_module(label=name, code=shader_text(package, name))
+def load_shader(device: Device, package: str, *names: str) -> Any:
+    """A compiled shader module of files behind each other; wgpu's messages call it by the last one's name."""
+    code = "\n".join(shader_text(package, name) for name in names)
+    return device.wgpu.create_shader_module(label=names[-1], code=code)

@@ -26,6 +26,7 @@ from limen.placement import OnShape, OnSurface, PanelMaps, Placement
 from limen.select import kernels, shape_kernels
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS, Detail, level_shares, plain_detail
+from limen.select.lens_cells import LensCells, lens_cells
 from limen.tolerance import Tolerance
 from limen.vision.acuity import GAZE_PER_DEG
 from limen.vision.resolution import luminance_scale
@@ -44,6 +45,7 @@ __all__ = [
 ]
 
 _NONE = np.empty(0, dtype=np.int64)
+_TILE_PX = 256
 _KINDS = ("plane", "cylinder", "ellipsoid")
 
 
@@ -54,15 +56,19 @@ class View(NamedTuple):
     pyramid: Pyramid
     placement: Placement
     maps: PanelMaps | None  # for images on the surface
+    cells: LensCells | None  # where lenses are looked through, if there are any
     detail: Detail
     sharpness: Floats  # (P,): angles that stay invisible on each panel, over those under standard light
 
 
 def view_of(display: Display, pyramid: Pyramid, placement: Placement, detail: Detail | None = None) -> View:
     """``detail`` tells where finer pages are seen; by default wherever the tolerance is finer than a page's texels."""
-    maps = placement.panel_maps(display, pyramid.size_px) if isinstance(placement, OnSurface) else None
+    maps, cells = None, None
+    if isinstance(placement, OnSurface):
+        maps = placement.panel_maps(display, pyramid.size_px)
+        cells = lens_cells(display, maps, placement.lenses) if placement.lenses else None
     sharpness = 1 / luminance_scale([panel.luminance_cd_m2 for panel in display.panels])
-    return View(display, pyramid, placement, maps, detail or plain_detail(pyramid), sharpness)
+    return View(display, pyramid, placement, maps, cells, detail or plain_detail(pyramid), sharpness)
 
 
 def shape_kind(placement: OnShape) -> int:
@@ -102,7 +108,7 @@ def select(
 
 
 def _select_at(view: View, tolerance: Tolerance, bias: int, eye_m: tuple[float, float, float] | None) -> Cut:
-    if view.placement.bends:
+    if isinstance(view.placement, OnShape):
         return select_bent(view, tolerance, bias, eye_m)
     return select_flat(view, tolerance, bias)
 
@@ -132,18 +138,45 @@ def flat_pairs(view: View, tolerance: Tolerance, bias: int = 0) -> Pairs:
 
 
 def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
-    """`select` for images on the surface: pairs of panel and page by interval tests on rings of distance."""
+    """`select` for images on the surface: pairs of panel and page by interval tests on rings of distance.
+
+    Pairs leave out what is looked at through lenses alone; pages are those of both.
+    """
     panel, page, area = flat_pairs(view, tolerance, bias)
     assert view.maps is not None
-    pages, inverse = np.unique(page, return_inverse=True)
-    importance = np.bincount(inverse, weights=area, minlength=len(pages)).astype(np.float64)
-    return _cut(view, pages, importance, panel, page, float(view.maps.footprint.min()))
+    if view.cells is None or not len(view.cells.panel):
+        pages, inverse = np.unique(page, return_inverse=True)
+        importance = np.bincount(inverse, weights=area, minlength=len(pages)).astype(np.float64)
+        return _cut(view, pages, importance, panel, page, float(view.maps.footprint.min()))
+    kept = view.cells.without(view.pyramid, panel, page)
+    panel, page, area = panel[kept], page[kept], area[kept]
+    coverage = np.bincount(page, weights=area, minlength=view.pyramid.page_count).astype(np.float64)
+    _add_behind_lenses(view, view.maps, view.cells, tolerance, bias, coverage)
+    pages = np.flatnonzero(coverage)
+    return _cut(view, pages, coverage[pages], panel, page, 1.0)
+
+
+def _add_behind_lenses(
+    view: View, maps: PanelMaps, cells: LensCells, tolerance: Tolerance, bias: int, coverage: Floats
+) -> None:
+    assert isinstance(view.placement, OnSurface)
+    image_px = np.array(view.pyramid.size_px, dtype=np.int64)
+    shape = shape_kernels.Shape(
+        shape_kernels.SURFACE, np.eye(4), np.zeros(3), 0.0, image_px, 0.0, *rows_of(view.placement.lenses)
+    )
+    # Texels of every panel's corner, and of a pixel to the right and down.
+    ways = (maps.offset, maps.scale * [1.0, 0.0], maps.scale * [0.0, 1.0])
+    shape_kernels.shape_pages(
+        _panels(view.display.arrays.origin_m, view),
+        shape_kernels.Ways(*(np.pad(way, ((0, 0), (0, 1))) for way in ways)),
+        shape, _pages(view), _eyes(tolerance), np.column_stack([cells.panel, cells.rect_px]), bias, coverage,
+    )  # fmt: skip
 
 
 def select_bent(
     view: View, tolerance: Tolerance, bias: int = 0, eye_m: tuple[float, float, float] | None = None
 ) -> Cut:
-    """`select` for images on a plane, cylinder or ellipsoid in the room, or on the surface behind lenses.
+    """`select` for images on a plane, cylinder or ellipsoid in the room.
 
     Raises
     ------
@@ -151,31 +184,30 @@ def select_bent(
         If neither the placement nor the caller tells the eye point.
     """
     placement, arrays = view.placement, view.display.arrays
+    assert isinstance(placement, OnShape)
     image_px = np.array(view.pyramid.size_px, dtype=np.int64)
-    if isinstance(placement, OnShape):
-        closed = placement.kind != "plane" and placement.turn_deg == 360
-        shape = shape_kernels.Shape(
-            shape_kind(placement), placement.local_from_room(), placement.local_eye(eye_m),
-            math.radians(placement.turn_deg), image_px, float(image_px[0]) if closed else 0.0, *rows_of(()),
-        )  # fmt: skip
-        origin = view.display.nudged_origin_m
-        ways = shape_kernels.Ways(origin, arrays.right * arrays.pitch_m[:, :1], arrays.down * arrays.pitch_m[:, 1:])
-    else:
-        assert view.maps is not None
-        shape = shape_kernels.Shape(
-            shape_kernels.SURFACE, np.eye(4), np.zeros(3), 0.0, image_px, 0.0, *rows_of(placement.lenses)
-        )
-        origin = arrays.origin_m
-        ways = shape_kernels.Ways(*(np.pad(part, ((0, 0), (0, 1))) for part in _surface_ways(view.maps)))
+    closed = placement.kind != "plane" and placement.turn_deg == 360
+    shape = shape_kernels.Shape(
+        shape_kind(placement), placement.local_from_room(), placement.local_eye(eye_m),
+        math.radians(placement.turn_deg), image_px, float(image_px[0]) if closed else 0.0, *rows_of(()),
+    )  # fmt: skip
+    origin = view.display.nudged_origin_m
+    ways = shape_kernels.Ways(origin, arrays.right * arrays.pitch_m[:, :1], arrays.down * arrays.pitch_m[:, 1:])
     coverage = np.zeros(view.pyramid.page_count)
-    shape_kernels.shape_pages(_panels(origin, view), ways, shape, _pages(view), _eyes(tolerance), bias, coverage)
+    shape_kernels.shape_pages(
+        _panels(origin, view), ways, shape, _pages(view), _eyes(tolerance), _tiles(arrays.size_px), bias, coverage
+    )
     pages = np.flatnonzero(coverage)
     return _cut(view, pages, coverage[pages], _NONE, _NONE, 1.0)
 
 
-def _surface_ways(maps: PanelMaps) -> tuple[Floats, Floats, Floats]:
-    """Texels of every panel's corner, and of a pixel to the right and down, (P, 2) each."""
-    return maps.offset, maps.scale * [1.0, 0.0], maps.scale * [0.0, 1.0]
+def _tiles(size_px: NDArray[np.int64]) -> NDArray[np.int64]:
+    """All pixels of all panels, cut into squares: panel, left, top, right, bottom, (N, 5), panel by panel."""
+    columns, rows = -(-size_px // _TILE_PX).T
+    panel = np.repeat(np.arange(len(size_px)), columns * rows)
+    place = np.arange(len(panel)) - (np.cumsum(columns * rows) - columns * rows)[panel]
+    first = np.stack([place % columns[panel], place // columns[panel]], axis=1) * _TILE_PX
+    return np.column_stack([panel, first, np.minimum(first + _TILE_PX, size_px[panel])])
 
 
 def _panels(origin_m: Floats, view: View) -> kernels.Panels:

@@ -20,7 +20,6 @@ __all__ = ["SURFACE", "Shape", "Ways", "shape_pages"]
 
 _MIP_SLACK = 2e-2
 _MIN_CELL_PX = 16.0
-_FIRST_CELL_PX = 256.0
 _STACK = 256
 _ALMOST_ONE = 1.0 - 1e-12
 
@@ -201,29 +200,29 @@ def _floor_log2(value):
 
 
 @njit(cache=True, nogil=True)
-def shape_pages(panels, ways, shape, pages, eyes, bias, coverage):
-    """Adds to ``coverage`` (one entry a page) the pixels that need each page of an image on a shape.
+def shape_pages(panels, ways, shape, pages, eyes, places, bias, coverage):
+    """Adds to ``coverage`` (one entry a page) the pixels that need each page of a bent image.
 
-    A panel is cut into cells until a cell lies in one page, or within a quarter of a page, of one level, or is
-    16 pixels wide; all pages that a cell's box of texels touches are counted, so the answer errs toward too many.
+    ``places`` are a panel and the pixels from left, top to right, bottom, (N, 5), panel by panel. Each is cut into
+    cells until a cell lies in one page, or within a quarter of a page, of one level, or is 16 pixels wide; all pages
+    that a cell's box of texels touches are counted, so the answer errs toward too many.
     """
     seen = np.empty((len(eyes.tan_angle), 9))
     stack = np.empty((_STACK, 4))
-    for p in range(len(panels.origin_m)):
-        eyes_on_panel(p, panels, eyes, seen)
-        pitch, size_px = panels.pitch_m[p], panels.size_px[p]
+    for n in range(len(places)):
+        p = places[n, 0]
+        if n == 0 or p != places[n - 1, 0]:
+            eyes_on_panel(p, panels, eyes, seen)
+        pitch = panels.pitch_m[p]
         origin, across, below = ways.origin[p], ways.across[p], ways.below[p]
-        for start in range(math.ceil(size_px[0] / _FIRST_CELL_PX) * math.ceil(size_px[1] / _FIRST_CELL_PX)):
-            columns = math.ceil(size_px[0] / _FIRST_CELL_PX)
-            x, y = (start % columns) * _FIRST_CELL_PX, (start // columns) * _FIRST_CELL_PX
-            stack[0, 0], stack[0, 1] = x, y
-            stack[0, 2], stack[0, 3] = min(x + _FIRST_CELL_PX, size_px[0]), min(y + _FIRST_CELL_PX, size_px[1])
-            depth = 1
-            while depth:
-                depth -= 1
-                cell = (stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3])
-                if not _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
-                    depth = _cut_cell(cell, stack, depth)
+        for side in range(4):
+            stack[0, side] = places[n, 1 + side]
+        depth = 1
+        while depth:
+            depth -= 1
+            cell = (stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3])
+            if not _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
+                depth = _cut_cell(cell, stack, depth)
 
 
 @njit(cache=True, nogil=True)
