@@ -18,7 +18,8 @@ from limen.data.machine import worker_count
 from limen.data.pages import PAGE
 from limen.select.image import select
 from limen.stream import Stream
-from limen.study.bench import Blank, measure_walk, one_to_one_room, walk_viewers
+from limen.study.bench import measure_walk, one_to_one_room, walk_viewers
+from limen.study.blank import Blank
 from limen.tolerance import Policy, tolerance_of
 
 ROOM = one_to_one_room()

@@ -11,6 +11,7 @@ import wgpu
 from PIL import Image as Picture
 
 import limen
+from limen.frame import LensMoves
 from limen.lens import Lens
 from limen.placement import OnSurface
 from limen.present.window import Surface
@@ -96,7 +97,9 @@ def test_pointers_carry_lenses(device: Any, world: Path) -> None:
         lens = Lens((0.0, 0.0), height / 4, 3.0)
         ahead, aside = limen.Pointer((0, 0, 0), (0, 0, -1)), limen.Pointer((0, 0, 0), (0, 1, 0))
         pointing: list[limen.Pointer] = [aside]
-        screen = Screen(device, image, OnSurface("cover"), carried=(lens,), pointers=lambda _time_s: pointing)
+        screen = Screen(
+            device, image, OnSurface("cover"), moves=LensMoves(carried=(lens,), pointers=lambda _time_s: pointing)
+        )
         still = Screen(device, image, OnSurface("cover"))
         there = Screen(device, image, OnSurface("cover", lenses=(Lens((width / 2, height / 2), height / 4, 3.0),)))
         np.testing.assert_allclose(screen.draw(), still.draw(), atol=1)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from limen.lens import Lens as Lens
     from limen.look_at import LookAt as LookAt
     from limen.rendering import render as render
+    from limen.tessellation import Tessellation as Tessellation
     from limen.tolerance import Tolerance as Tolerance
     from limen.viewer import Pointer as Pointer
     from limen.viewer import Viewer as Viewer
@@ -39,6 +40,7 @@ _HOMES = {
     "Pointer": "limen.viewer",
     "Points": "limen.data.points_file",
     "Terrain": "limen.data.terrain_file",
+    "Tessellation": "limen.tessellation",
     "Tolerance": "limen.tolerance",
     "Viewer": "limen.viewer",
     "open": "limen.data",
@@ -60,6 +62,7 @@ __all__ = [
     "Pointer",
     "Points",
     "Terrain",
+    "Tessellation",
     "Tolerance",
     "Viewer",
     "open",

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from limen.data.image import Image
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
 from limen.draw.image import ImageLayer, Overlay, Sampling, drawable_of
-from limen.draw.lens_mesh import Tessellation
+from limen.draw.lens_mesh import Triangles
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.lens import Lens
@@ -31,9 +31,9 @@ from limen.select.image import View, select, view_of
 from limen.select.surveyed import SurveyedContrast
 from limen.stream import Stream
 from limen.tolerance import Policy, Tolerance, tolerance_of
-from limen.viewer import Pointer, Viewer
+from limen.viewer import Pointer, Viewer, nobody_points
 
-__all__ = ["GPU_BYTES", "LOOKAHEAD_S", "FrameReport", "Renderer", "select_ahead"]
+__all__ = ["GPU_BYTES", "LOOKAHEAD_S", "FrameReport", "LensMoves", "Renderer", "select_ahead"]
 
 GPU_BYTES = 512 << 20
 """Memory for pages on the GPU, unless told otherwise: 1,900 pages."""
@@ -61,6 +61,8 @@ class FrameReport:
     select_ms: float
     stream_ms: float
     draw_ms: float
+    triangles: int = 0
+    """That lenses were drawn in; of live frames, nobody waits to count them."""
 
 
 class Renderer:
@@ -80,7 +82,7 @@ class Renderer:
         Most pages copied to the GPU by one live frame.
     threads
         Decoding threads; ``None`` for one a core, two at least.
-    sampling, tessellation
+    sampling
         See `limen.draw.image.ImageLayer`.
     max_quilt_px
         Most pixels drawn at once.
@@ -102,7 +104,6 @@ class Renderer:
         uploads_per_frame: int = 64,
         threads: int | None = None,
         sampling: Sampling = "sharp",
-        tessellation: Tessellation | None = None,
         max_quilt_px: int = _QUILT_PX,
     ) -> None:
         self.view: View = view_of(display, image.pyramid, placement or OnSurface())
@@ -110,9 +111,7 @@ class Renderer:
         self._pack = partial(pack, display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
         self.quilts = self._pack()
         self._pool = PagePool(device, gpu_bytes)
-        self._layer = ImageLayer(
-            device, self.view, self._pool, sampling=sampling, tessellation=tessellation or Tessellation()
-        )
+        self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling)
         self._stream = Stream(
             image,
             self._pool.slots,
@@ -187,6 +186,7 @@ class Renderer:
             image = self._layer.read(texture)
             clock = (begin, selected, streamed, time.perf_counter())
             report = self._report(viewers, policy, cut, missing, uploads, clock)
+            report = replace(report, triangles=self._layer.triangle_count)
             for name, picture in pieces(self.view.display, quilt, image).items():
                 yield name, picture, report
 
@@ -195,14 +195,18 @@ class Renderer:
 
         ``carried`` are lenses that each pointer carries to where it points, wherever they say that they are.
         """
-        view = view_of(self.view.display, self.view.pyramid, placement, self.view.detail)
+        display, pyramid = self.view.display, self.view.pyramid
         if carried and pointers:
-            assert view.maps is not None
-            lenses = carried_lenses(view.display, view.maps, pointers, carried)
-            view = view._replace(placement=replace(placement, lenses=placement.lenses + lenses))
-        self.view = view
-        self._layer.place(view)
+            maps = placement.panel_maps(display, pyramid.size_px)
+            lenses = carried_lenses(display, maps, pointers, carried)
+            placement = replace(placement, lenses=placement.lenses + lenses)
+        self.view = view_of(display, pyramid, placement, self.view.detail)
+        self._layer.place(self.view)
         self._parts.clear()
+
+    def lens_triangles(self) -> Triangles:
+        """What the last quilt's lenses were drawn by; waits for the GPU."""
+        return self._layer.lens_mesh.read()
 
     def close(self) -> None:
         """Stop decoding and free the GPU memory; the device and the image stay open."""
@@ -270,6 +274,28 @@ class Renderer:
             self._stream.wait()
 
 
+def _no_lenses(_time_s: float) -> tuple[Lens, ...]:
+    return ()
+
+
+class LensMoves(NamedTuple):
+    """Lenses that are elsewhere, or others, from frame to frame; times are the viewers'."""
+
+    moving: Callable[[float], tuple[Lens, ...]] = _no_lenses
+    carried: tuple[Lens, ...] = ()
+    """Each pointer carries them to where it points, wherever they say that they are."""
+    pointers: Callable[[float], Sequence[Pointer]] = nobody_points
+
+    @property
+    def any(self) -> bool:
+        return bool(self.carried) or self.moving is not _no_lenses
+
+    def place(self, renderer: Renderer, placement: OnSurface, time_s: float) -> None:
+        """Put a renderer's lenses where they are at a time, over those of a placement."""
+        moved = replace(placement, lenses=placement.lenses + self.moving(time_s))
+        renderer.place(moved, self.carried, self.pointers(time_s) if self.carried else ())
+
+
 def select_ahead(
     view: View, policy: Policy, viewers: Sequence[Viewer], earlier: Sequence[Viewer], seconds: float
 ) -> NDArray[np.int64] | None:
@@ -287,5 +313,8 @@ def _first_eye(viewers: Sequence[Viewer]) -> tuple[float, float, float] | None:
 
 
 def _active(cut: Cut, view: View) -> int:
-    """Panels that show something of the image; where it is bent, all may."""
-    return len(view.display.panels) if view.placement.bends else len(np.unique(cut.pair_panel))
+    """Panels that show something of the image; of one on a shape, all may."""
+    if view.maps is None:
+        return len(view.display.panels)
+    through_lenses = cut.pair_panel[:0] if view.cells is None else view.cells.panel
+    return len(np.unique(np.concatenate([cut.pair_panel, through_lenses])))

@@ -12,13 +12,13 @@ from limen.data.image import Image
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.draw.image import Overlay, Sampling
-from limen.frame import FrameReport, Renderer
+from limen.frame import FrameReport, LensMoves, Renderer
 from limen.gpu.device import Device, open_device
 from limen.lens import Lens
 from limen.placement import OnSurface
 from limen.present.window import Surface, open_canvas, run_together
 from limen.tolerance import Policy
-from limen.viewer import Pointer, Viewer, nobody_points
+from limen.viewer import Viewer
 
 __all__ = ["LiveSettings", "Tour", "run_live", "unrolled_quilt"]
 
@@ -38,11 +38,9 @@ class LiveSettings:
 
     policy: Policy
     placement: OnSurface = field(default_factory=OnSurface)
-    overlay: bool = False
+    overlay: Overlay | None = None
     seconds: float | None = None
-    carried: tuple[Lens, ...] = ()
-    pointers: Callable[[float], Sequence[Pointer]] = nobody_points
-    """Lenses that are carried by who points where, by the viewers' clock."""
+    moves: LensMoves = field(default_factory=LensMoves)
 
 
 def unrolled_quilt(display: Display, size_px: tuple[int, int]) -> tuple[Display, Quilt]:
@@ -82,10 +80,10 @@ class Live:
         self._device, self._image, self._display = device, image, display
         self._tour = tour or (lambda _time_s: (Viewer((0.0, 0.0, 0.0)),))
         self._policy, self._overlay = settings.policy, settings.overlay
+        self._tint: Overlay = settings.overlay or "levels"
         self._other = Policy() if self._policy.name == "full" else Policy("full")
         self._placement = settings.placement
-        self._carried, self._pointers = settings.carried, settings.pointers
-        self._pointed: Sequence[Pointer] = ()
+        self._moves, self._toured, self._now_s = settings.moves, tour is not None, 0.0
         self._hand: _HandLens | None = None
         self._last_hand = _HandLens()
         self._pointer = (0.0, 0.0)
@@ -106,13 +104,12 @@ class Live:
         if not self._paused:
             self._clock_s += surface.time_s - self._last_s
         self._last_s = surface.time_s
-        overlay: Overlay | None = "levels" if self._overlay else None
         viewers = list(self._tour(self._clock_s))
-        if self._carried:
-            self._pointed = self._pointers(viewers[0].time_s)
+        self._now_s = viewers[0].time_s if self._toured else self._clock_s
+        if self._moves.any:
             self._place(self._placement)
         self.last = self._renderer.frame(
-            viewers, self._policy, quilt=self._quilt, overlay=overlay,
+            viewers, self._policy, quilt=self._quilt, overlay=self._overlay,
             target=surface.target, target_format=surface.target_format,
         )  # fmt: skip
         report = self.last
@@ -139,7 +136,7 @@ class Live:
     def _key(self, key: str) -> None:
         match key:
             case "o":
-                self._overlay = not self._overlay
+                self._overlay = None if self._overlay else self._tint
             case "p":
                 self._policy, self._other = self._other, self._policy
             case " ":
@@ -224,7 +221,7 @@ class Live:
         self._placement = placement
         if self._renderer is not None:
             held = replace(placement, lenses=placement.lenses + self._held())
-            self._renderer.place(held, self._carried, self._pointed)
+            self._moves.place(self._renderer, held, self._now_s)
 
 
 def run_live(

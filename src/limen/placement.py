@@ -19,6 +19,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
 from limen.lens import Lens
+from limen.tessellation import Tessellation
 from limen.viewer import Pointer
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
 
 Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
 _STEP_S = 1e-3
+_EXACT = Tessellation()
 FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
 
 
@@ -80,12 +82,15 @@ class OnSurface:
         The place of the image (0 ... 1 from its left and top edge) that lies in the middle of the surface.
     lenses
         What is looked through, from the image to the eye; see `limen.lens.Lens`.
+    tessellation
+        How what is seen through them is drawn.
     """
 
     fit: Fit = "contain"
     zoom: float = 1.0
     centre: tuple[float, float] = (0.5, 0.5)
     lenses: tuple[Lens, ...] = ()
+    tessellation: Tessellation = _EXACT
 
     def __post_init__(self) -> None:
         if self.fit not in FITS:

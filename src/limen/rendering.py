@@ -82,7 +82,8 @@ def render(
         `limen.placement.mesh_in_room`. Of a terrain, a `limen.LookAt`: from where it is looked at by the first viewer;
         by default all of it is seen.
     overlay
-        ``levels`` tints every pixel of an image by the level drawn, ``panels`` a mesh by the panel that shows it and a
+        ``levels`` tints every pixel of an image by the level drawn, ``error`` by how far lenses draw it from where it
+        belongs, ``panels`` a mesh by the panel that shows it and a
         terrain by how its panels are seen, ``patches`` shows a terrain's triangles, ``simplified`` what stands for
         much of a mesh or points.
     stereo
@@ -143,8 +144,10 @@ def _image_pictures(device: Device, image: Image, asked: _Asked) -> dict[str, ND
     placement, overlay = asked.placement, asked.overlay
     if not isinstance(placement, OnSurface | OnShape | None) or asked.stereo != "none":
         raise InputError("stereo, (4, 4) placements and LookAt are for terrains or for meshes, not for images")
-    if overlay not in (None, "levels"):
-        raise InputError(f"the overlay '{overlay}' is for terrains or for meshes, not for images: give 'levels'")
+    if overlay not in (None, "levels", "error"):
+        raise InputError(
+            f"the overlay '{overlay}' is for terrains or for meshes, not for images: give 'levels' or 'error'"
+        )
     with Renderer(device, asked.wanted, image, placement) as renderer:
         drawn = renderer.pictures(asked.viewers, asked.policy, overlay=overlay)
         return {name: picture.copy() for name, picture, _ in drawn}

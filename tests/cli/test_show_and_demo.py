@@ -248,6 +248,13 @@ def test_lenses_change_what_they_reach(tmp_path, capsys):
     )
     through = json.loads(capsys.readouterr().out)["frames"][0]
     before, after = (np.asarray(Picture.open(frame["files"][0])).astype(int) for frame in (plain, through))
+    how = ("--lens-drop-off", "gaussian", "--lens-shape", "rectangular", "--lens-mode", "coarse", "--overlay", "error")
+    track = tmp_path / "still.csv"
+    track.write_text(f"time_s,x_px,y_px,radius_px,magnification\n0,{lens}\n")
+    assert limen(*words[:-2], "--quiet", "--out", tmp_path / "coarse", "--lens", track, *how) == 0
+    coarse = np.asarray(Picture.open(next((tmp_path / "coarse").rglob("*.png")))).astype(int)
+    red = (coarse[..., 0] > coarse[..., 1:3].max(axis=-1) + 80).mean()
+    assert 0.01 < red < 0.3, "two triangles a page do not show a lens"
     changed = np.abs(after - before).max(axis=-1) > 12
     assert 0.02 < changed.mean() < 0.3
     assert not changed[:, : changed.shape[1] // 4].any()
@@ -263,6 +270,8 @@ def test_lenses_change_what_they_reach(tmp_path, capsys):
         (("--lens", "1,2,9,0.5"), "magnification must be 1 or more"),
         (("--lens", "1,2,9,nan"), "magnification must be 1 or more"),
         (("--lens", "1,2,9,4", "--lens-focus", "1"), "focus must lie from 0 to below 1"),
+        (("--lens", "1,2,9,4", "--lens-heights", "none.png"), "there is no such file"),
+        (("--lens", "none.csv"), "none.csv: cannot be read"),
     ],
 )
 def test_lenses_that_cannot_be_are_one_line(world, tmp_path, capsys, words, says):

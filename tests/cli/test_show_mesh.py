@@ -322,7 +322,7 @@ NAN = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float
         (("knot.ply", "--background", "#12345g"), "#rrggbb, got '#12345g'"),
         (("knot.ply", "--stereo", "polarised"), "stereo"),
         (("knot.ply", "--overlay", "levels"), "--overlay levels is not for a mesh: give --overlay panels"),
-        (("world.tif", "--overlay", "panels"), "--overlay panels is not for an image: give --overlay levels"),
+        (("world.tif", "--overlay", "panels"), "--overlay panels is not for an image: give --overlay levels or error"),
         (("world.tif", "--stereo", "anaglyph"), "this content is an image"),
         (("knot.ply", "--size-m", "0"), "positive number of metres, got 0"),
         (("knot.ply", "--at", "1,2"), "--at takes three numbers"),

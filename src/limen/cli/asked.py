@@ -20,7 +20,7 @@ from limen.viewer import Pointer, Viewer, nobody_points
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]
 
-Overlays: TypeAlias = Literal["none", "levels", "panels", "patches", "simplified"]
+Overlays: TypeAlias = Literal["none", "levels", "error", "panels", "patches", "simplified"]
 
 _STEP_S = 0.25  # between frames of a viewer who stands
 

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from limen.cli.output import DEFAULT, Common, Output
 from limen.errors import InputError
 from limen.study.bench import BENCHES, Measured
+from limen.study.bench_lens import LensRow
 from limen.study.bench_mesh import Seen, bench_mesh
 from limen.study.bench_panels import PanelsRow
 from limen.study.bench_points import PeerRow, bench_points
@@ -31,7 +32,7 @@ _PLOTTED = ("panels", _MESH)
 
 class BenchReport(msgspec.Struct, omit_defaults=True):
     name: str
-    rows: list[Measured] | list[PanelsRow] | list[TerrainRow] | list[PeerRow]
+    rows: list[Measured] | list[PanelsRow] | list[LensRow] | list[TerrainRow] | list[PeerRow]
     table2: list[Table2] = []
     """Of `terrain`: the paper's second table."""
     frames: list[FrameRow] = []

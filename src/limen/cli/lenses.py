@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache, partial
+from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Group, Parameter
+from numpy.typing import NDArray
 
-from limen.errors import InputError
+from limen.errors import InputError, MissingFileError
+from limen.frame import LensMoves
 from limen.lens import DropOff, Lens
+from limen.tessellation import LensMode, Tessellation
+from limen.track.lens_track import lenses_at, read_lens_tracks
 
 __all__ = ["LENSES_DEFAULT", "LensOptions"]
 
-_CARRIED = "pointer,"
+_CARRIED, _TRACKS = "pointer,", ".csv"
 
 
 @Parameter(name="*", group=Group("Lenses (on images)"))
@@ -26,7 +33,8 @@ class LensOptions:
             consume_multiple=True,
             negative="",
             help="X,Y,RADIUS,MAGNIFICATION: its focus and how far it reaches, in texels of the image; several lie on "
-            "each other, the last nearest to the eye. pointer,RADIUS,MAGNIFICATION: where a session's pointers point.",
+            "each other, the last nearest to the eye. pointer,RADIUS,MAGNIFICATION: where a session's pointers point. "
+            "FILE.csv: lenses over time.",
         ),
     ] = field(default_factory=list)
     lens_focus: Annotated[float, Parameter(help="Share of the radius that is magnified evenly, from 0 to below 1.")] = (
@@ -34,19 +42,23 @@ class LensOptions:
     )
     lens_drop_off: Annotated[DropOff, Parameter(help="How magnification falls from there to the rim.")] = "cosine"
     lens_shape: Annotated[Literal["radial", "rectangular"], Parameter(help="Its outline.")] = "radial"
+    lens_heights: Annotated[
+        Path | None, Parameter(help="A picture, white in the focus and black at the rim, in place of the last three.")
+    ] = None
+    lens_mode: Annotated[
+        LensMode,
+        Parameter(
+            help="exact: every pixel looks up what it shows. In triangles: coarse, uniform, acuity as Papadopoulos and "
+            "Kaufman compared them; error, as many as viewers need to see nothing drawn beside its place."
+        ),
+    ] = "exact"
+
+    @property
+    def tessellation(self) -> Tessellation:
+        return Tessellation(self.lens_mode)
 
     def lenses(self) -> tuple[Lens, ...]:
-        """From the image to the eye.
-
-        Raises
-        ------
-        InputError
-            If one cannot be read, or cannot be.
-        """
-        return tuple(self._lens(text) for text in self.lens if not text.startswith(_CARRIED))
-
-    def carried(self) -> tuple[Lens, ...]:
-        """Those that pointers carry, wherever.
+        """Those that stay, from the image to the eye.
 
         Raises
         ------
@@ -54,8 +66,24 @@ class LensOptions:
             If one cannot be read, or cannot be.
         """
         return tuple(
+            self._lens(text) for text in self.lens if not (text.startswith(_CARRIED) or text.endswith(_TRACKS))
+        )
+
+    def moves(self) -> LensMoves:
+        """Those that do not.
+
+        Raises
+        ------
+        InputError
+            If one cannot be read, or cannot be.
+        """
+        carried = tuple(
             self._lens(text, text.replace(_CARRIED, "0,0,", 1)) for text in self.lens if text.startswith(_CARRIED)
         )
+        files = [Path(text) for text in self.lens if text.endswith(_TRACKS)]
+        tracks = [track for path in files for track in read_lens_tracks(path, self._lens("", "0,0,1,1"))]
+        moves = LensMoves(carried=carried)
+        return moves._replace(moving=partial(lenses_at, tracks)) if tracks else moves
 
     def _lens(self, text: str, numbers: str = "") -> Lens:
         try:
@@ -63,9 +91,34 @@ class LensOptions:
         except ValueError:
             raise InputError(
                 f"--lens {text}: give X,Y,RADIUS,MAGNIFICATION, the first three in texels, as 9500,4700,800,8 (or "
-                "pointer in place of X,Y)"
+                "pointer in place of X,Y, or a .csv file of lenses over time)"
             ) from None
-        return Lens((x, y), radius, magnification, self.lens_focus, self.lens_drop_off, self.lens_shape)
+        heights = None if self.lens_heights is None else _heights(self.lens_heights)
+        return Lens(
+            (x, y), radius, magnification, self.lens_focus, self.lens_drop_off, self.lens_shape, heights=heights
+        )
+
+
+@cache
+def _heights(path: Path) -> NDArray[np.float64]:
+    """A picture's lightness, 0 ... 1.
+
+    Raises
+    ------
+    InputError
+        If it is no picture.
+    """
+    import pyvips
+
+    if not path.exists():
+        raise MissingFileError(f"--lens-heights {path}: there is no such file")
+    try:
+        picture = pyvips.Image.new_from_file(str(path))
+        grey = (picture[0] if picture.bands < 3 else picture[:3].colourspace("b-w")[0]).numpy()
+    except pyvips.Error as error:
+        raise InputError(f"--lens-heights {path}: is no picture: {str(error).strip()}") from None
+    most = np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0
+    return np.asarray(grey / most, dtype=float)
 
 
 LENSES_DEFAULT = LensOptions()

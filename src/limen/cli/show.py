@@ -41,10 +41,10 @@ from limen.cli.show_terrain import (
 from limen.data.image import Image
 from limen.data.mesh import Mesh
 from limen.display.display import Display
+from limen.draw.image import Overlay
 from limen.draw.scene import SceneOverlay
 from limen.draw.terrain import TerrainOverlay
 from limen.errors import InputError
-from limen.lens import Lens
 from limen.live import LiveSettings, run_live
 from limen.placement import Fit, OnSurface
 from limen.scene import SceneReport, Simplified
@@ -54,7 +54,6 @@ from limen.terrain_stage import TerrainExhibit
 from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.track.stand import standing_viewer
-from limen.viewer import nobody_points
 
 if TYPE_CHECKING:
     from limen.data.points_file import Points
@@ -92,7 +91,8 @@ def show(
     overlay: Annotated[
         Overlays,
         Parameter(
-            help="levels: tint an image by the level drawn. panels: tint a mesh by the panel that shows it, a terrain "
+            help="levels: tint an image by the level drawn. error: by how far lenses draw it from its place (grey "
+            "below 0.1 pixel, blue 0.5, green 1, else red). panels: tint a mesh by the panel that shows it, a terrain "
             "by how its panels are seen, the darker the larger the error. patches: a terrain's triangles. simplified: "
             "of a mesh or points, what stands for much, and in other colours on silhouettes."
         ),
@@ -134,9 +134,11 @@ def _draw(
     """Draw content by what it is; ``was_given``: whether the policy was asked for."""
     if isinstance(opened, Image):
         stack.enter_context(opened)
-        wishes.refuse("an image", asked.overlay, ("levels",))
-        placement = OnSurface(wishes.fit or "contain", lenses=wishes.lenses.lenses())
-        _show_image(opened, asked, policy, placement, wishes.lenses.carried(), folder, out)
+        wishes.refuse("an image", asked.overlay, ("levels", "error"))
+        placement = OnSurface(
+            wishes.fit or "contain", lenses=wishes.lenses.lenses(), tessellation=wishes.lenses.tessellation
+        )
+        _show_image(opened, asked, policy, placement, wishes.lenses, folder, out)
     elif isinstance(opened, Mesh):
         wishes.refuse("a mesh", asked.overlay, ("panels", "simplified"))
         simplified = simplified_mesh(out, opened, policy if was_given else Policy("full"))
@@ -236,12 +238,16 @@ def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, ou
 
 
 def _show_image(
-    content: Image, asked: Asked, policy: Policy, placement: OnSurface, carried: tuple[Lens, ...], folder: Path | None,
+    content: Image, asked: Asked, policy: Policy, placement: OnSurface, lenses: LensOptions, folder: Path | None,
     out: Output,
 ) -> None:  # fmt: skip
     shown = asked.shown
-    pointers = asked.pointers() if carried else nobody_points  # a session is made or read only where it is wanted
-    if carried and not pointers(0.0):
+    overlay: Overlay | None = "levels" if asked.overlay == "levels" else "error" if asked.overlay == "error" else None
+    moves = lenses.moves()
+    if moves.carried:
+        # A session is made or read only where it is wanted.
+        moves = moves._replace(pointers=asked.pointers())
+    if moves.carried and not moves.pointers(0.0):
         raise InputError(
             "--lens pointer,...: nobody points: give a --session with pointers (limen walk --pointers 1 makes one)"
         )
@@ -249,10 +255,9 @@ def _show_image(
         settings = LiveSettings(
             policy,
             placement,
-            overlay=asked.overlay == "levels",
+            overlay=overlay,
             seconds=asked.windows.seconds,
-            carried=carried,
-            pointers=pointers,
+            moves=moves,
         )
         last = run_live(content, shown, asked.tour() if shown else None, settings, out.say)
         out.result({"frames": [image_row(last, [])] if last else []})
@@ -260,8 +265,7 @@ def _show_image(
     rows = list(
         write_image_frames(
             out, content, shown, asked.moments(), policy, placement, folder, asked.files.picture_format,
-            scale=asked.files.scale, overlay=asked.overlay == "levels", simulate=asked.files.simulate, carried=carried,
-            pointers=pointers,
+            scale=asked.files.scale, overlay=overlay, simulate=asked.files.simulate, moves=moves,
         )
     )  # fmt: skip
     print_image_rows(out, rows, folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,15 +11,15 @@ import msgspec
 from limen.cli.output import Output
 from limen.data.image import Image
 from limen.display.display import Display
-from limen.frame import FrameReport, Renderer
+from limen.draw.image import Overlay
+from limen.frame import FrameReport, LensMoves, Renderer
 from limen.gpu.device import open_device
-from limen.lens import Lens
 from limen.placement import OnSurface
 from limen.present.file import thumbnail, write_picture
 from limen.present.room import draw_room, draw_surface
 from limen.select.image import select
 from limen.tolerance import Policy, tolerance_of
-from limen.viewer import Pointer, Viewer, nobody_points
+from limen.viewer import Viewer
 
 __all__ = ["FrameRow", "image_row", "print_image_rows", "write_image_frames"]
 
@@ -57,23 +57,22 @@ def write_image_frames(
     suffix: str,
     *,
     scale: float,
-    overlay: bool,
+    overlay: Overlay | None,
     simulate: bool,
-    carried: Sequence[Lens] = (),
-    pointers: Callable[[float], Sequence[Pointer]] = nobody_points,
+    moves: LensMoves,
 ) -> Iterator[FrameRow]:
-    """Write what every panel shows, frame by frame; ``carried`` are lenses that pointers carry."""
+    """Write what every panel shows, frame by frame."""
     shown = display if scale == 1.0 else display.scaled(scale)
     with open_device() as device, Renderer(device, shown, image, placement) as renderer:
         total = len(moments) * len(display.panels)
         with out.progress("drawing panels", total) as step:
             for number, viewers in enumerate(moments):
                 target = folder / f"frame-{number:04d}"
-                if carried:
-                    renderer.place(placement, carried, pointers(viewers[0].time_s))
+                if moves.any:
+                    moves.place(renderer, placement, viewers[0].time_s)
                 cut = select(renderer.view, tolerance_of(viewers, policy))
                 files, pictures, reports = [], {}, []
-                drawn = renderer.pictures(viewers, policy, overlay="levels" if overlay else None)
+                drawn = renderer.pictures(viewers, policy, overlay=overlay)
                 for name, picture, report in drawn:
                     files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                     reports.append(report)
@@ -93,14 +92,14 @@ def _summary(reports: Sequence[FrameReport], pages: int, error_px: float, files:
     row = image_row(quilts[0], files)
     row.panels_active = sum(report.panels_active for report in quilts)
     row.pages, row.max_error_px = pages, error_px
-    for part in ("select_ms", "stream_ms", "draw_ms"):
+    for part in ("triangles", "select_ms", "stream_ms", "draw_ms"):
         setattr(row, part, sum(getattr(report, part) for report in quilts))
     return row
 
 
 def image_row(report: FrameReport, files: list[str]) -> FrameRow:
     fields = {key: value for key, value in asdict(report).items() if key in FrameRow.__struct_fields__}
-    return FrameRow(**fields, triangles=0, splats=0, files=files)
+    return FrameRow(**fields, splats=0, files=files)
 
 
 def print_image_rows(out: Output, rows: Sequence[FrameRow], folder: Path) -> None:

@@ -7,7 +7,7 @@ Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, section 3.2
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from limen.display.quilt import Quilt
 from limen.draw import records
-from limen.draw.lens_mesh import LensMesh, Tessellation
+from limen.draw.lens_mesh import LensMesh
 from limen.errors import InputError
 from limen.geometry import Vec3
 from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.gpu.shader import load_shader
+from limen.placement import OnSurface
 from limen.select.cut import Cut
 from limen.select.detail import Detail
 from limen.select.image import View
@@ -53,8 +54,6 @@ _LENS = (*_BENT, "corners")
 _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operation": "add"}
 """Levels that blend into each other are painted over each other, the coarsest first."""
 
-_EXACTLY = Tessellation()
-
 
 class Drawn(NamedTuple):
     """Where the pages are that a frame draws."""
@@ -82,29 +81,19 @@ class ImageLayer:
     sampling
         ``sharp``: a cubic kernel as wide as the pixel's footprint. ``fast``: bilinear, for live windows without a
         GPU; it aliases where a pixel covers nearly two texels.
-    tessellation
-        How what is seen through lenses is drawn.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        view: View,
-        pool: PagePool,
-        *,
-        sampling: Sampling = "sharp",
-        tessellation: Tessellation = _EXACTLY,
-    ) -> None:
+    def __init__(self, device: Device, view: View, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
         self._device, self._view, self._pool = device, view, pool
-        shader = load_shader(device, "limen.draw", *_FILES)
+        self._shader = load_shader(device, "limen.draw", *_FILES)
+        kernel = {"KERNEL": _KERNELS[sampling]}
         self._stages = {
-            "flat": _Stage(device, shader, "flat", _FLAT, {"KERNEL": _KERNELS[sampling]}),
-            "bent": _Stage(device, shader, "bent", _BENT, {"KERNEL": _KERNELS[sampling]}),
-            "lens": _Stage(
-                device, shader, "lens", _LENS, {"KERNEL": _KERNELS[sampling], "EXACT": tessellation.mode == "exact"}
-            ),
+            "flat": _Stage(device, self._shader, "flat", _FLAT, kernel),
+            "bent": _Stage(device, self._shader, "bent", _BENT, kernel),
+            "lens": _Stage(device, self._shader, "lens", _LENS, {**kernel, "EXACT": 1}),
+            "mesh": _Stage(device, self._shader, "lens", _LENS, {**kernel, "EXACT": 0}),
         }
-        self.lens_mesh = LensMesh(device, shader, tessellation)
+        self._lens_mesh: LensMesh | None = None
         self._targets: dict[tuple[tuple[int, int], str], Any] = {}
         self._static_rows: dict[Quilt, records.Rows] = {}
         storage = wgpu.BufferUsage.STORAGE
@@ -114,7 +103,6 @@ class ImageLayer:
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
-        self._buffers["corners"] = self.lens_mesh.corners
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._reader = TextureReader(device)
         self._table_of: PageTable | None = None
@@ -169,6 +157,7 @@ class ImageLayer:
         encoder = self._device.wgpu.create_command_encoder(label="image")
         if cells:
             self.lens_mesh.encode(encoder, cells, self._buffers)
+            self._buffers["corners"] = self.lens_mesh.corners
         render_pass = encoder.begin_render_pass(
             color_attachments=[
                 {
@@ -185,11 +174,31 @@ class ImageLayer:
             stage.begin(render_pass, self._buffers, resources, target_format, overlay)
             render_pass.draw(4, quads)
         if cells:
-            self._stages["lens"].begin(render_pass, self._buffers, resources, target_format, overlay)
+            stage = self._stages["lens" if self.lens_mesh.tessellation.mode == "exact" else "mesh"]
+            stage.begin(render_pass, self._buffers, resources, target_format, overlay)
             render_pass.draw_indirect(self.lens_mesh.drawn.buffer, 0)
         render_pass.end()
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
+
+    @property
+    def lens_mesh(self) -> LensMesh:
+        """What the view's lenses are drawn by; made anew where its placement asks for another tessellation."""
+        placement = self._view.placement
+        assert isinstance(placement, OnSurface)
+        if self._lens_mesh is None or self._lens_mesh.tessellation != placement.tessellation:
+            if self._lens_mesh is not None:
+                self._lens_mesh.destroy()
+            self._lens_mesh = LensMesh(self._device, self._shader, placement.tessellation)
+        return self._lens_mesh
+
+    @property
+    def triangle_count(self) -> int:
+        """In how many triangles lenses were drawn last; waits for the GPU."""
+        cells, placement = self._view.cells, self._view.placement
+        if cells is None or not len(cells.panel) or not isinstance(placement, OnSurface):
+            return 0
+        return 0 if placement.tessellation.mode == "exact" else self.lens_mesh.count
 
     def read(self, texture: Any) -> NDArray[np.uint8]:
         """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
@@ -200,12 +209,13 @@ class ImageLayer:
         for texture in self._targets.values():
             texture.destroy()
         self._targets.clear()
-        self.lens_mesh.destroy()
+        if self._lens_mesh is not None:
+            self._lens_mesh.destroy()
         for buffer in self._buffers.values():
             buffer.destroy()
         self._reader.destroy()
         self._stages.clear()
-        self._sampler = None
+        self._sampler = self._shader = self._lens_mesh = None
 
     # ------------------------------------------------------------------ steps of a draw
 
@@ -258,12 +268,12 @@ class _Stage:
     """One of the shader's ways of drawing, and what it reads."""
 
     def __init__(
-        self, device: Device, shader: Any, kind: str, names: Sequence[str], constants: dict[str, float]
+        self, device: Device, shader: Any, kind: str, names: Sequence[str], constants: Mapping[str, float]
     ) -> None:
         self._device, self._shader, self._kind, self._names, self._constants = device, shader, kind, names, constants
         self._layout: Any = None
         self._group: Any = None
-        self._bound: tuple[int, ...] = ()
+        self._bound: list[Any] = []
         self._pipelines: dict[tuple[str, Overlay | None], Any] = {}
 
     def begin(
@@ -280,7 +290,7 @@ class _Stage:
         if (target_format, overlay) not in self._pipelines:
             self._pipelines[target_format, overlay] = self._pipeline(target_format, overlay)
         used = [name for name in self._names if name in buffers]
-        state = tuple(buffers[name].generation for name in used)
+        state = [buffers[name].buffer for name in used]
         if self._group is None or state != self._bound:
             resources = resources | {name: {"buffer": buffers[name].buffer} for name in used}
             entries = [{"binding": _NUMBERS[name], "resource": resources[name]} for name in self._names]

@@ -19,6 +19,7 @@ override SUB_EDGE_PX: f32 = 4.0;
 override ERROR_PX: f32 = 0.5;
 
 const LANES = 64u;
+const SHARES = 11u;
 const CELLS_A_ROW = 32768u;
 // Samples of a side.
 const STEPS = 16u;
@@ -40,15 +41,15 @@ struct Corner {
     padding: u32,
 }
 
-// What is drawn indirectly; then how many triangles were wanted, or of lens_split.wgsl those of every step.
+// What is drawn indirectly; then of lens_split.wgsl how often sides are halved at most; and how many triangles there would be
+// if sides were cut less, by share_of_parts, or of lens_split.wgsl those of every step.
 struct Drawn {
     vertices: atomic<u32>,
     instances: u32,
     first_vertex: u32,
     first_instance: u32,
-    wanted: atomic<u32>,
     halvings: atomic<u32>,
-    of_step: array<atomic<u32>, 10>,
+    counts: array<atomic<u32>, SHARES>,
 }
 
 @group(0) @binding(11) var<storage, read> cells: array<LensCell>;
@@ -204,18 +205,26 @@ fn triangles_of(parts: Parts) -> u32 {
     return count;
 }
 
-// How many triangles fit, of those that are wanted.
+fn share_of_parts(k: u32) -> f32 {
+    return exp2(-0.5 * f32(k));
+}
+
+// How much of the parts that are wanted there is room for; nothing is cut if there is none for the least.
 fn share_that_fits() -> f32 {
-    let wanted = f32(atomicLoad(&drawn.wanted));
-    // Eight each are always made, whatever the share.
-    let room = max(f32(frame.most_triangles) - 8.0 * f32(frame.cells), 1.0);
-    return select(room / wanted, 1.0, wanted <= room);
+    for (var k = 0u; k < SHARES; k++) {
+        if atomicLoad(&drawn.counts[k]) <= frame.most_triangles {
+            return share_of_parts(k);
+        }
+    }
+    return 0.0;
 }
 
 @compute @workgroup_size(64)
 fn lens_counts(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < frame.cells {
-        atomicAdd(&drawn.wanted, triangles_of(parts_of(id.x, 1.0)));
+        for (var k = 0u; k < SHARES; k++) {
+            atomicAdd(&drawn.counts[k], triangles_of(parts_of(id.x, share_of_parts(k))));
+        }
     }
 }
 
@@ -255,9 +264,9 @@ fn side_triangle(parts: Parts, side: u32, step: u32) -> Triangle {
     let outer = parts.sides[side];
     let length_parts = parts.inside[1u - side % 2u];
     let inner = length_parts - 2u;
-    let inset = 1.0 / f32(parts.inside[side % 2u]);
-    let far = side / 2u == 1u;
-    let line = select(inset, 1.0 - inset, far);
+    // Not by a difference: what is the same place has to be the same number.
+    let across = parts.inside[side % 2u];
+    let line = f32(select(1u, across - 1u, side >= 2u)) / f32(across);
     let before = outer_steps(step, outer, inner);
     let after = outer_steps(step + 1u, outer, inner);
     let along = f32(before) / f32(outer);

@@ -13,7 +13,9 @@
 // a corner if it is off, or if any finer one needs it to be; along the border, neighbours tell one another. So no corner
 // ever lies on another triangle's side.
 
-override FINEST: u32 = 6u;
+override FINEST: u32 = 8u;
+
+const WORD = 32u;
 
 struct Pass {
     step: u32,
@@ -21,38 +23,47 @@ struct Pass {
     padding: vec2<u32>,
 }
 
-@group(0) @binding(16) var<storage, read_write> split: array<u32>;
+@group(0) @binding(16) var<storage, read_write> split: array<atomic<u32>>;
 @group(1) @binding(0) var<uniform> now: Pass;
 
 fn grid() -> u32 {
     return 1u << FINEST;
 }
 
-fn flag_of(number: u32, place: vec2<u32>) -> u32 {
+// Which word of the corners' bits, and which bit of it.
+fn bit_of(number: u32, place: vec2<u32>) -> vec2<u32> {
     let across = grid() + 1u;
-    return (number * across + place.y) * across + place.x;
+    let words = (across * across + WORD - 1u) / WORD;
+    let bit = place.y * across + place.x;
+    return vec2<u32>(number * words + bit / WORD, 1u << (bit % WORD));
 }
 
 fn is_split(number: u32, place: vec2<u32>) -> bool {
-    return split[flag_of(number, place)] != 0u;
+    let bit = bit_of(number, place);
+    return (atomicLoad(&split[bit.x]) & bit.y) != 0u;
 }
 
-// Make a middle a corner, in all cells that have it. Several invocations may say so; none ever takes it back.
+fn set_split(number: u32, place: vec2<u32>) {
+    let bit = bit_of(number, place);
+    atomicOr(&split[bit.x], bit.y);
+}
+
+// Make a middle a corner, in all cells that have it.
 fn split_at(number: u32, place: vec2<u32>) {
-    split[flag_of(number, place)] = 1u;
+    set_split(number, place);
     let beside = cells[number].beside;
     let last = grid();
     if place.x == 0u && beside.x >= 0 {
-        split[flag_of(u32(beside.x), vec2<u32>(last, place.y))] = 1u;
+        set_split(u32(beside.x), vec2<u32>(last, place.y));
     }
     if place.y == 0u && beside.y >= 0 {
-        split[flag_of(u32(beside.y), vec2<u32>(place.x, last))] = 1u;
+        set_split(u32(beside.y), vec2<u32>(place.x, last));
     }
     if place.x == last && beside.z >= 0 {
-        split[flag_of(u32(beside.z), vec2<u32>(0u, place.y))] = 1u;
+        set_split(u32(beside.z), vec2<u32>(0u, place.y));
     }
     if place.y == last && beside.w >= 0 {
-        split[flag_of(u32(beside.w), vec2<u32>(place.x, 0u))] = 1u;
+        set_split(u32(beside.w), vec2<u32>(place.x, 0u));
     }
 }
 
@@ -69,13 +80,22 @@ fn in_cell(place: vec2<u32>) -> vec2<f32> {
     return vec2<f32>(place) / f32(grid());
 }
 
-// How far the middle of two places would be drawn from where it belongs, in pixels.
-fn miss_px(cell: LensCell, middle: vec2<u32>, a: vec2<u32>, b: vec2<u32>) -> f32 {
+// How far from where they belong places between two corners would be drawn, in pixels: asked are the middle and, for where
+// magnification changes at once, the middles of both halves.
+fn miss_px(cell: LensCell, a: vec2<u32>, b: vec2<u32>) -> f32 {
     let panel = cell.names.x;
-    let exact = place_through_lenses(panel, pixel_of(cell, in_cell(middle)));
-    let first = place_through_lenses(panel, pixel_of(cell, in_cell(a))).texel - exact.texel;
-    let second = place_through_lenses(panel, pixel_of(cell, in_cell(b))).texel - exact.texel;
-    return length(step_for(exact.right, exact.down, 0.5 * (first + second)));
+    let from_a = pixel_of(cell, in_cell(a));
+    let to_b = pixel_of(cell, in_cell(b));
+    let first = place_through_lenses(panel, from_a).texel;
+    let last = place_through_lenses(panel, to_b).texel;
+    var miss = 0.0;
+    for (var k = 1; k < 4; k++) {
+        let along = 0.25 * f32(k);
+        let exact = place_through_lenses(panel, mix(from_a, to_b, along));
+        let off = mix(first - exact.texel, last - exact.texel, along);
+        miss = max(miss, length(step_for(exact.right, exact.down, off)));
+    }
+    return miss;
 }
 
 // Where the longest side begins whose middle a place is; it ends as far beyond.
@@ -115,10 +135,8 @@ fn place_of(k: u32, step: u32, centres: bool) -> vec2<u32> {
 // The largest error that is not seen at a place, in pixels.
 fn unseen_px(cell: LensCell, place: vec2<u32>) -> f32 {
     let panel = cell.names.x;
-    let unseen = ERROR_PX * max(tolerance_px(panel, pixel_of(cell, in_cell(place))), 1.0);
-    // Another place of a triangle may be off by more than the middle of its longest side: where the bend changes, by little
-    // (measured: up to an eighth), where magnification changes at once, by up to twice as much.
-    return select(0.85 * unseen, 0.5 * unseen, creased(panel));
+    // Between what is asked, a quarter more may be wrong: at a crease, and inside of a triangle.
+    return 0.8 * ERROR_PX * max(tolerance_px(panel, pixel_of(cell, in_cell(place))), 1.0);
 }
 
 fn needed_by_finer(number: u32, place: vec2<u32>, step: u32) -> bool {
@@ -156,12 +174,9 @@ fn lens_survey(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let cell = cells[number];
     if lane == 0u {
         atomicStore(&largest[0], 0u);
-        let corners = array<vec2<u32>, 4>(
-            vec2<u32>(), vec2<u32>(grid()), vec2<u32>(0u, grid()), vec2<u32>(grid(), 0u),
-        );
-        let middle = vec2<u32>(grid() / 2u);
-        let falling = miss_px(cell, middle, corners[0], corners[1]);
-        let rising = miss_px(cell, middle, corners[2], corners[3]);
+        let last = grid();
+        let falling = miss_px(cell, vec2<u32>(), vec2<u32>(last));
+        let rising = miss_px(cell, vec2<u32>(0u, last), vec2<u32>(last, 0u));
         wishes[number].y = select(0u, 1u, rising < falling);
     }
     storageBarrier();
@@ -171,7 +186,7 @@ fn lens_survey(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         for (var k = lane; k < places_of(step, kind == 1u); k += LANES) {
             let place = place_of(k, step, kind == 1u);
             let begin = longest_from(number, place, step);
-            raise(0u, miss_px(cell, place, begin, 2u * place - begin) / unseen_px(cell, place));
+            raise(0u, miss_px(cell, begin, 2u * place - begin) / unseen_px(cell, place));
         }
     }
     workgroupBarrier();
@@ -198,7 +213,7 @@ fn lens_split(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         var wanted = needed_by_finer(number, place, now.step);
         if !wanted && measured {
             let begin = longest_from(number, place, now.step);
-            wanted = miss_px(cell, place, begin, 2u * place - begin) > unseen_px(cell, place);
+            wanted = miss_px(cell, begin, 2u * place - begin) > unseen_px(cell, place);
         }
         if wanted {
             split_at(number, place);
@@ -212,7 +227,7 @@ fn finest_that_fits() -> u32 {
     var total = 2u * frame.cells;
     var step = FINEST;
     while step > finest {
-        total += atomicLoad(&drawn.of_step[step - 1u]);
+        total += atomicLoad(&drawn.counts[step - 1u]);
         if total > frame.most_triangles {
             break;
         }
@@ -234,7 +249,7 @@ fn lens_split_counts(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_inv
         if step_of(place) < FINEST && is_split(number, place) {
             // On the border, one of the two triangles is the neighbour's.
             let border = any(place == vec2<u32>()) || any(place == vec2<u32>(grid()));
-            atomicAdd(&drawn.of_step[step_of(place)], select(2u, 1u, border));
+            atomicAdd(&drawn.counts[step_of(place)], select(2u, 1u, border));
         }
     }
 }

@@ -14,11 +14,10 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 import pyvips
-from numpy.typing import NDArray
 
 from limen.data import ingest, sample_image
 from limen.data.image import Image, open_image
-from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.draw.feedback import Feedback
 from limen.draw.image import Sampling
@@ -27,7 +26,9 @@ from limen.gpu.device import Device, open_device
 from limen.placement import OnSurface, one_to_one_size_px
 from limen.select.image import View, select, view_of
 from limen.stream import Stream
+from limen.study.bench_lens import LensRow, bench_lens
 from limen.study.bench_panels import PanelsRow, bench_panels
+from limen.study.blank import Blank
 from limen.study.charts import CHARTS, chart
 from limen.study.kernels import kernel_rows
 from limen.study.observer import Observer
@@ -65,17 +66,6 @@ class Measured(msgspec.Struct, frozen=True):
 
     def cells(self) -> tuple[str, ...]:
         return (self.what, f"{self.value:,.3g}", self.unit)
-
-
-@dataclass(frozen=True)
-class Blank:
-    """Pages of a virtual image that cost nothing to read, so that only our own work is timed."""
-
-    pyramid: Pyramid
-    page = np.zeros((PAGE + 2 * GUTTER, PAGE + 2 * GUTTER, 4), dtype=np.uint8)
-
-    def read_page(self, _page: int) -> NDArray[np.uint8]:
-        return self.page
 
 
 def one_to_one_room() -> View:
@@ -117,12 +107,13 @@ def bench_kernels(quick: bool, say: Say) -> list[Measured]:
     return rows
 
 
-Table = list[Measured] | list[PanelsRow]
+Table = list[Measured] | list[PanelsRow] | list[LensRow]
 
 BENCHES: dict[str, Callable[[bool, Say], Table]] = {
     "image": bench_image,
     "kernels": bench_kernels,
     "panels": bench_panels,
+    "lens": bench_lens,
 }
 
 
