@@ -102,6 +102,12 @@ def test_farther_viewers_get_fewer_triangles_whose_errors_they_do_not_see(render
     assert counts[0] > 1.5 * counts[1] > 2.25 * counts[2]
 
 
+def test_who_sees_nothing_gets_two_triangles_a_cell(renderer: Renderer) -> None:
+    triangles = drawn(renderer, "one", Tessellation("error", error_px=1e4))
+    check_tiling(renderer, triangles)
+    assert len(triangles.panel) == 2 * len(renderer.view.cells.panel)
+
+
 def plain_factors(renderer: Renderer, tessellation: Tessellation) -> Any:
     """The paper's factor for every cell and side, for nobody: shape (N, 4)."""
     view = renderer.view

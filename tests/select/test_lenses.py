@@ -10,7 +10,7 @@ import limen
 from limen.data.pages import Pyramid
 from limen.lens import Lens, jacobian_of, source_of
 from limen.placement import OnSurface
-from limen.select.image import select, view_of
+from limen.select.image import flat_pairs, select, view_of
 from limen.tolerance import Policy, tolerance_of
 
 PYRAMID = Pyramid.of((60_000, 24_000))
@@ -63,3 +63,30 @@ def test_the_focus_asks_for_finer_pages_and_the_rim_for_coarser_ones():
     finer = PYRAMID.page_of(lensed)[0]
     assert finer.min() <= levels.min() - 3
     assert finer.max() > levels.max()
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_only_pages_that_are_seen_through_lenses_alone_are_left_out(name):
+    """Cells and pages as masks of pixels: the definition."""
+    display = small_room(pitch_mm=2.5)
+    view = view_of(display, PYRAMID, OnSurface("cover", lenses=LENSES[name]))
+    pairs = flat_pairs(view, tolerance_of([limen.Viewer((0.4, 1.6, -1.2))], Policy("acuity", 2.0)))
+    kept = view.cells.without(PYRAMID, pairs.panel, pairs.page)
+    assert kept.any()
+    assert kept.all() == (name == "small"), "it reaches no whole page"
+    level, column, row = PYRAMID.page_of(pairs.page)
+    for number, panel in enumerate(display.panels):
+        width, height = panel.size_px
+        covered = np.zeros((height, width), dtype=int)
+        for left, top, right, bottom in view.cells.rect_px[view.cells.panel == number]:
+            covered[top:bottom, left:right] += 1
+        assert covered.max() <= 1, "cells share no pixel"
+        texels = pixels(panel).reshape(height, width, 2) * view.maps.scale[number] + view.maps.offset[number]
+        inside = ((texels >= 0) & (texels < PYRAMID.size_px)).all(axis=2)
+        for lens in LENSES[name]:
+            reached = (np.abs(texels - lens.centre_px) < lens.radii_px).all(axis=2)
+            assert covered[reached].all(), "cells hold all that a lens reaches"
+        for pair in np.flatnonzero(pairs.panel == number):
+            span = 256 * 2 ** level[pair]
+            shown = inside & (texels // span == (column[pair], row[pair])).all(axis=2)
+            assert kept[pair] == bool((covered[shown] == 0).any()) or not shown.any()

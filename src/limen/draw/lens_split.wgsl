@@ -268,15 +268,20 @@ struct Found {
     apex: vec2<u32>,
 }
 
+// The step of the places that are asked; the cell's own middle is always among them.
+fn asked_step(finest: u32) -> u32 {
+    return min(finest, FINEST - 1u);
+}
+
 fn most_triangles(finest: u32) -> u32 {
-    let across = grid() >> finest;
+    let across = grid() >> asked_step(finest);
     return 2u * ((across + 1u) * (across + 1u) + across * across);
 }
 
 fn triangle_at(number: u32, k: u32, finest: u32) -> Found {
-    let squares = grid() >> finest;
+    let squares = grid() >> asked_step(finest);
     let places = (squares + 1u) * (squares + 1u);
-    let scale = vec2<u32>(finest);
+    let scale = vec2<u32>(asked_step(finest));
     let second = k % 2u == 1u;
     if k / 2u < places {
         // Over the longest side whose middle the place is: there if its third corner is, and if it is not halved.
@@ -297,7 +302,7 @@ fn triangle_at(number: u32, k: u32, finest: u32) -> Found {
     let a = square + ((square + 1u) & vec2<u32>(1u));
     let b = 2u * square + 1u - a;
     let apex = select(vec2<u32>(a.x, b.y), vec2<u32>(b.x, a.y), second) << scale;
-    return Found(finest < FINEST && is_corner(number, apex, finest), a << scale, b << scale, apex);
+    return Found(is_corner(number, apex, finest), a << scale, b << scale, apex);
 }
 
 var<workgroup> count: atomic<u32>;

@@ -153,7 +153,10 @@ def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
     coverage = np.bincount(page, weights=area, minlength=view.pyramid.page_count).astype(np.float64)
     _add_behind_lenses(view, view.maps, view.cells, tolerance, bias, coverage)
     pages = np.flatnonzero(coverage)
-    return _cut(view, pages, coverage[pages], panel, page, 1.0)
+    cut = _cut(view, pages, coverage[pages], panel, page, 1.0)
+    # Through lenses, nothing is coarser for its pixels than beside them.
+    beside_px = float(view.detail.tau[page].max(initial=0.0)) / float(view.maps.footprint.min())
+    return replace(cut, error_px=beside_px) if len(page) else cut
 
 
 def _add_behind_lenses(

@@ -26,6 +26,7 @@ NOBODY = -1
 """In place of a neighbour: no lens reaches there, or the panel ends."""
 
 _SMALLEST_PX = 16
+_NO_RECTS = np.empty((0, 4), dtype=np.int64)
 
 
 class LensCells(NamedTuple):
@@ -74,46 +75,59 @@ def first_pixel(texel: NDArray[np.float64], scale: NDArray[np.float64], offset: 
 
 def lens_cells(display: Display, maps: PanelMaps, lenses: Sequence[Lens]) -> LensCells:
     """The cells of all panels that lenses reach into."""
-    count = len(display.panels)
-    level = np.zeros(count, dtype=np.int64)
-    panels, rects, besides, plain_panels, plain_cells, so_far = [], [], [], [], [], 0
+    level = np.zeros(len(display.panels), dtype=np.int64)
     centre = np.array([lens.centre_px for lens in lenses]).reshape(-1, 2)
     radii = np.array([lens.radii_px for lens in lenses]).reshape(-1, 2)
-    low, high = maps.offset, maps.offset + maps.scale * display.arrays.size_px
+    low, high = maps.offset[:, None], (maps.offset + maps.scale * display.arrays.size_px)[:, None]
     # What a lens that magnifies nothing reaches is as it was.
     bends = np.array([lens.magnification > 1 for lens in lenses], dtype=bool)
-    reached = bends & (
-        (centre - radii < high[:, None]) & (centre + radii > low[:, None])
-    ).all(axis=2)  # fmt: skip
-    for number in np.flatnonzero(reached.any(axis=1)):
+    reached = bends & ((centre - radii < high) & (centre + radii > low)).all(axis=2)
+    numbers = np.flatnonzero(reached.any(axis=1))
+    parts, so_far = [], 0
+    for number in numbers:
         own = reached[number]
         level[number] = _level(maps.footprint[number], float(radii[own].min()))
-        first, edges = _grid(display.arrays.size_px[number], maps, int(number), int(level[number]))
-        bounds = [edge * maps.scale[number, axis] + maps.offset[number, axis] for axis, edge in enumerate(edges)]
-        touched = np.zeros((len(edges[1]) - 1, len(edges[0]) - 1), dtype=bool)
-        for middle, radius in zip(centre[own], radii[own], strict=True):
-            across, down = (
-                (bounds[axis][:-1] < middle[axis] + radius[axis]) & (bounds[axis][1:] > middle[axis] - radius[axis])
-                for axis in range(2)
-            )
-            touched |= down[:, None] & across
-        rows, columns = np.nonzero(touched)
-        panels.append(np.full(len(rows), number))
-        rects.append(np.stack([edges[0][columns], edges[1][rows], edges[0][columns + 1], edges[1][rows + 1]], axis=1))
-        name = np.pad(np.where(touched, so_far + np.cumsum(touched).reshape(touched.shape) - 1, NOBODY), 1,
-                      constant_values=NOBODY)  # fmt: skip
-        besides.append(
-            np.stack([name[rows + 1, columns], name[rows, columns + 1], name[rows + 1, columns + 2],
-                      name[rows + 2, columns + 1]], axis=1)
-        )  # fmt: skip
-        so_far += len(rows)
-        rows, columns = np.nonzero(~touched)
-        plain_panels.append(np.full(len(rows), number))
-        plain_cells.append(np.stack([first[0][columns], first[1][rows]], axis=1))
+        boxes = np.stack([centre[own] - radii[own], centre[own] + radii[own]], axis=1)
+        part = _of_panel(display.arrays.size_px[number], maps, int(number), int(level[number]), boxes)
+        parts.append(part._replace(beside=np.where(part.beside == NOBODY, NOBODY, part.beside + so_far)))
+        so_far += len(part.rect_px)
     return LensCells(
-        _joined(panels, ()), _joined(rects, (4,)), _joined(besides, (4,)), _joined(plain_panels, ()),
-        _joined(plain_cells, (2,)), level,
-    )  # fmt: skip
+        np.repeat(numbers, [len(part.rect_px) for part in parts]),
+        np.concatenate([part.rect_px for part in parts] or [_NO_RECTS]),
+        np.concatenate([part.beside for part in parts] or [_NO_RECTS]),
+        np.repeat(numbers, [len(part.plain_cell) for part in parts]),
+        np.concatenate([part.plain_cell for part in parts] or [_NO_RECTS[:, :2]]),
+        level,
+    )
+
+
+class _Part(NamedTuple):
+    """`LensCells` of one panel; neighbours count from its first cell."""
+
+    rect_px: Index
+    beside: Index
+    plain_cell: Index
+
+
+def _of_panel(size_px: Index, maps: PanelMaps, panel: int, level: int, boxes: NDArray[np.float64]) -> _Part:
+    """``boxes``: what lenses reach, from and to, texels, (K, 2, 2)."""
+    cells, edges = _grid(size_px, maps, panel, level)
+    bounds = [edge * maps.scale[panel, axis] + maps.offset[panel, axis] for axis, edge in enumerate(edges)]
+    touched = np.zeros((len(cells[1]), len(cells[0])), dtype=bool)
+    for low, high in boxes:
+        across, down = ((bounds[axis][:-1] < high[axis]) & (bounds[axis][1:] > low[axis]) for axis in range(2))
+        touched |= down[:, None] & across
+    row, column = np.nonzero(touched)
+    name = np.full((touched.shape[0] + 2, touched.shape[1] + 2), NOBODY)
+    name[1:-1, 1:-1][touched] = np.arange(len(row))
+    plain_row, plain_column = np.nonzero(~touched)
+    return _Part(
+        np.stack([edges[0][column], edges[1][row], edges[0][column + 1], edges[1][row + 1]], axis=1),
+        np.stack(
+            [name[row + 1, column], name[row, column + 1], name[row + 1, column + 2], name[row + 2, column + 1]], axis=1
+        ),
+        np.stack([cells[0][plain_column], cells[1][plain_row]], axis=1),
+    )
 
 
 def _level(footprint: float, radius_px: float) -> int:
@@ -137,7 +151,3 @@ def _grid(size_px: Index, maps: PanelMaps, panel: int, level: int) -> tuple[list
         numbers.append(cell[:-1][kept])
         edges.append(np.append(edge[:-1][kept], edge[1:][kept][-1:]))
     return numbers, edges
-
-
-def _joined(parts: list[Index], shape: tuple[int, ...]) -> Index:
-    return np.concatenate(parts) if parts else np.empty((0, *shape), dtype=np.int64)
