@@ -37,7 +37,7 @@ def flat(name: str, size_m: tuple[float, float], height_m: float) -> Grid:
 
 # Of the displays of many small panels, the cylinder, the desk, the teapot and a sphere stand for all.
 @pytest.mark.parametrize("name", sorted({*preset_names()} - {"knot", "sphere", "spring"}))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_a_walk_stays_on_the_floor_at_one_speed(name: str, seed: int):
     display = Display.preset(name)
