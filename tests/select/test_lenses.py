@@ -24,12 +24,12 @@ LENSES = {
 }
 
 
-def needed(display, placement, tolerance):
-    """The pages of every pixel, by the lenses' own Jacobian."""
+def needed(display, placement, tolerance, stride=1):
+    """The pages of every pixel (of every ``stride``-th along both axes), by the lenses' own Jacobian."""
     view = view_of(display, PYRAMID, placement)
     wanted: set[int] = set()
     for number, panel in enumerate(display.panels):
-        places = pixels(panel).reshape(-1, 2)
+        places = pixels(panel)[::stride, ::stride].reshape(-1, 2)
         shown = places * view.maps.scale[number] + view.maps.offset[number]
         texels = source_of(placement.lenses, shown)
         inside = ((texels >= 0) & (texels < PYRAMID.size_px)).all(axis=1)
@@ -50,6 +50,17 @@ def test_selection_through_lenses_is_what_the_pixels_need(name, acuity):
     wanted = needed(display, placement, tolerance)
     assert wanted <= chosen, f"{len(wanted - chosen)} of {len(wanted)} pages are missing"
     assert len(chosen) <= 1.5 * len(wanted) + 20
+
+
+@pytest.mark.parametrize("drop_off", ["cosine", "linear"])
+def test_large_cells_of_large_lenses_leave_nothing_out(drop_off):
+    display = limen.Display.window((2600, 2400))
+    placement = OnSurface("cover", lenses=(Lens((30_000.0, 12_000.0), 11_900.0, 8.0, drop_off=drop_off),))
+    assert 11_900 / view_of(display, PYRAMID, placement).maps.scale[0, 0] > 1.1 * 1024, "cells may exceed 32 pixels"
+    for tolerance in (tolerance_of([], Policy("full")), tolerance_of([limen.Viewer((0.3, 0.1, 1.5))], Policy())):
+        chosen = set(select(view_of(display, PYRAMID, placement), tolerance).pages.tolist())
+        wanted = needed(display, placement, tolerance, stride=3)
+        assert wanted <= chosen, f"{len(wanted - chosen)} of {len(wanted)} pages are missing"
 
 
 def test_the_focus_asks_for_finer_pages_and_the_rim_for_coarser_ones():

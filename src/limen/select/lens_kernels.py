@@ -11,7 +11,7 @@ from numba import njit
 
 from limen.lens import RIM, STEEP, TO_RIM
 
-__all__ = ["seen_through", "touches"]
+__all__ = ["seen_through", "smallest_reach"]
 
 
 @njit(cache=True, nogil=True)
@@ -73,10 +73,11 @@ def seen_through(rows, tables, x, y):
 
 
 @njit(cache=True, nogil=True)
-def touches(rows, x0, y0, x1, y1):
-    """Whether any lens reaches into a rectangle of the display."""
+def smallest_reach(rows, x0, y0, x1, y1):
+    """The smallest radius of all lenses that reach into a rectangle of the display; infinite if none does."""
+    smallest = math.inf
     for k in range(rows.shape[0]):
         across, down = 1.0 / rows[k, 2], 1.0 / rows[k, 3]
         if x0 < rows[k, 0] + across and x1 > rows[k, 0] - across and y0 < rows[k, 1] + down and y1 > rows[k, 1] - down:
-            return True
-    return False
+            smallest = min(smallest, across, down)
+    return smallest

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from limen.geometry import Floats
 from limen.select.kernels import eyes_on_panel, is_drawn, rect_tolerance
-from limen.select.lens_kernels import seen_through, touches
+from limen.select.lens_kernels import seen_through, smallest_reach
 
 __all__ = ["SURFACE", "Shape", "Ways", "shape_pages"]
 
@@ -26,8 +26,9 @@ _ALMOST_ONE = 1.0 - 1e-12
 SURFACE = 3
 """The kind of an image on the display's surface that is seen through lenses."""
 
-_LENS_CELL_PX = 32.0
-"""Cells that lenses reach into are cut until they are as small: nine places tell how they bend then."""
+_LENS_CELL_PX, _CELLS_A_RADIUS = 32.0, 32.0
+"""Cells that lenses reach into are cut until they are as small, in pixels or beside the smallest of these lenses: nine
+places tell how they bend then."""
 
 
 class Ways(NamedTuple):
@@ -163,7 +164,8 @@ def _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverag
     x0, y0, x1, y1 = cell[0], cell[1], cell[2], cell[3]
     if shape.kind == SURFACE and max(x1 - x0, y1 - y0) > _LENS_CELL_PX:
         left, top = origin[0] + across[0] * x0, origin[1] + below[1] * y0
-        if touches(shape.lenses, left, top, origin[0] + across[0] * x1, origin[1] + below[1] * y1):
+        reach = smallest_reach(shape.lenses, left, top, origin[0] + across[0] * x1, origin[1] + below[1] * y1)
+        if max(x1 - x0, y1 - y0) * across[0] * _CELLS_A_RADIUS > reach:
             return False
     hits, fine_mip, coarse_mip, u_low, u_high, v_low, v_high = _survey(shape, origin, across, below, x0, y0, x1, y1)
     smallest = max(x1 - x0, y1 - y0) <= _MIN_CELL_PX
