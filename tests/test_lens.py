@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from limen.errors import InputError
 from limen.lens import DROP_OFFS, Lens, drop_off, jacobian_of, rows_of, shown_at, source_of
-from limen.select.lens_kernels import seen_through, touches
+from limen.select.lens_kernels import seen_through, smallest_reach
 
 SIDE = 1000.0
 
@@ -104,11 +104,11 @@ def test_the_kernel_sees_what_the_definition_says(chain: list[Lens], seed: int) 
 
 
 def test_a_lens_reaches_as_far_as_its_radii() -> None:
-    rows, _ = rows_of([Lens((100.0, 50.0), (30.0, 10.0))])
-    assert touches(rows, 0.0, 0.0, 71.0, 41.0)
-    assert touches(rows, 90.0, 45.0, 91.0, 46.0)
-    assert not touches(rows, 0.0, 0.0, 70.0, 100.0)
-    assert not touches(rows, 0.0, 60.0, 900.0, 70.0)
+    rows, _ = rows_of([Lens((100.0, 50.0), (30.0, 10.0)), Lens((100.0, 50.0), 4.0)])
+    assert smallest_reach(rows, 0.0, 0.0, 71.0, 41.0) == pytest.approx(10.0)
+    assert smallest_reach(rows, 98.0, 45.0, 99.0, 47.0) == pytest.approx(4.0)
+    assert math.isinf(smallest_reach(rows, 0.0, 0.0, 70.0, 100.0))
+    assert math.isinf(smallest_reach(rows, 0.0, 60.0, 900.0, 70.0))
 
 
 def test_magnified_by_a_table() -> None:
