@@ -233,8 +233,8 @@ def rows_of(lenses: Sequence[Lens]) -> tuple[Floats, Floats]:
     """Lenses as kernels and shaders read them: one row each, (K, 12), and all heights behind each other, (N,).
 
     Numbers are the focus (2), one over the radii (2), how far the focus is raised, ``focus``, the drop-off's place in
-    `DROP_OFFS`, 0 where the lens is radial, 1 rectangular, 2 a table, of that where it begins, columns and rows, and
-    one over the lens's `sharpest_bend`.
+    `DROP_OFFS`, 0 where the lens is radial, 1 rectangular, 2 a table, of that where it begins, columns and rows; the
+    last is free.
     """
     rows, tables, begin = np.zeros((len(lenses), _NUMBERS)), [np.zeros(0)], 0
     for row, lens in zip(rows, lenses, strict=True):
@@ -244,7 +244,6 @@ def rows_of(lenses: Sequence[Lens]) -> tuple[Floats, Floats]:
             *lens.centre_px, 1 / across, 1 / down, 1 - 1 / lens.magnification, lens.focus,
             DROP_OFFS.index(lens.drop_off), kind,
         )  # fmt: skip
-        row[11] = 1 / max(sharpest_bend(lens), 1e-30)
         if lens.heights is not None:
             row[8:11] = begin, lens.heights.shape[1], lens.heights.shape[0]
             tables.append(lens.heights.ravel())

@@ -110,13 +110,15 @@ def _heights(path: Path) -> NDArray[np.float64]:
     """
     import pyvips
 
+    from limen.data.vips import one_line
+
     if not path.exists():
         raise MissingFileError(f"--lens-heights {path}: there is no such file")
     try:
         picture = pyvips.Image.new_from_file(str(path))
         grey = (picture[0] if picture.bands < 3 else picture[:3].colourspace("b-w")[0]).numpy()
     except pyvips.Error as error:
-        raise InputError(f"--lens-heights {path}: is no picture: {str(error).strip()}") from None
+        raise InputError(f"--lens-heights {path}: is no picture: {one_line(error)}") from None
     most = np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0
     return np.asarray(grey / most, dtype=float)
 

@@ -195,10 +195,9 @@ class ImageLayer:
     @property
     def triangle_count(self) -> int:
         """In how many triangles lenses were drawn last; waits for the GPU."""
-        cells, placement = self._view.cells, self._view.placement
-        if cells is None or not len(cells.panel) or not isinstance(placement, OnSurface):
+        if self._view.cells is None or self.lens_mesh.tessellation.mode == "exact":
             return 0
-        return 0 if placement.tessellation.mode == "exact" else self.lens_mesh.count
+        return self.lens_mesh.count
 
     def read(self, texture: Any) -> NDArray[np.uint8]:
         """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""

@@ -111,7 +111,8 @@ struct Level {
 @group(0) @binding(9) var<storage, read> finer: array<f32>;
 
 // Per panel and lens three rows, see limen.lens: focus, from the panel's first page, and one over the radii; how far it is
-// raised, its even share, drop-off and kind; of a table, where it begins, columns and rows. Then all tables.
+// raised, its even share, drop-off and kind; of a table, where it begins, columns and rows, and for the mode acuity one over
+// its sharpest bend. Then all tables.
 @group(0) @binding(10) var<storage, read> lenses: array<vec4<f32>>;
 
 // ---------------------------------------------------------------- tolerance and level

@@ -113,9 +113,10 @@ class LensMesh:
 
     def read(self) -> Triangles:
         """The triangles made last; waits for the GPU."""
-        size = max(3 * CORNER.itemsize * self.count, 4)  # WebGPU reads no empty range
+        count = 3 * self.count
+        size = max(CORNER.itemsize * count, 4)  # WebGPU reads no empty range
         read = self._device.wgpu.queue.read_buffer(self.corners.buffer, 0, size)
-        corners = np.frombuffer(read, CORNER, count=3 * self.count).reshape(-1, 3)
+        corners = np.frombuffer(read, CORNER, count=count).reshape(-1, 3)
         return Triangles(
             corners["panel"][:, 0].astype(np.int64), corners["pixel"].astype(float), corners["texel"].astype(float)
         )

@@ -17,7 +17,7 @@ from limen.data.resample import linear_of_srgb
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
-from limen.lens import rows_of
+from limen.lens import rows_of, sharpest_bend
 from limen.placement import OnShape, PanelMaps
 from limen.select.cut import Cut
 from limen.select.detail import BLEND_LEVELS
@@ -173,6 +173,8 @@ def lens_rows(view: View, quilt: Quilt) -> tuple[NDArray[np.float32], int]:
         return np.zeros((0, 4), np.float32), 0
     assert view.maps is not None
     of_lens, tables = rows_of(view.placement.lenses)
+    if view.placement.tessellation.mode == "acuity":
+        of_lens[:, 11] = [1 / max(sharpest_bend(lens), 1e-30) for lens in view.placement.lenses]
     chosen = list(quilt.panels)
     rows = np.tile(of_lens, (len(chosen), 1, 1))
     rows[:, :, :2] -= (np.floor(view.maps.offset[chosen] / PAGE) * PAGE)[:, None]

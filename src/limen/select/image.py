@@ -56,7 +56,7 @@ class View(NamedTuple):
     pyramid: Pyramid
     placement: Placement
     maps: PanelMaps | None  # for images on the surface
-    cells: LensCells | None  # where lenses are looked through, if there are any
+    cells: LensCells | None  # where lenses are looked through, if they reach anything
     detail: Detail
     sharpness: Floats  # (P,): angles that stay invisible on each panel, over those under standard light
 
@@ -66,7 +66,8 @@ def view_of(display: Display, pyramid: Pyramid, placement: Placement, detail: De
     maps, cells = None, None
     if isinstance(placement, OnSurface):
         maps = placement.panel_maps(display, pyramid.size_px)
-        cells = lens_cells(display, maps, placement.lenses) if placement.lenses else None
+        reached = lens_cells(display, maps, placement.lenses)
+        cells = reached if len(reached.panel) else None
     sharpness = 1 / luminance_scale([panel.luminance_cd_m2 for panel in display.panels])
     return View(display, pyramid, placement, maps, cells, detail or plain_detail(pyramid), sharpness)
 
@@ -144,7 +145,7 @@ def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
     """
     panel, page, area = flat_pairs(view, tolerance, bias)
     assert view.maps is not None
-    if view.cells is None or not len(view.cells.panel):
+    if view.cells is None:
         pages, inverse = np.unique(page, return_inverse=True)
         importance = np.bincount(inverse, weights=area, minlength=len(pages)).astype(np.float64)
         return _cut(view, pages, importance, panel, page, float(view.maps.footprint.min()))

@@ -90,9 +90,8 @@ class Drawn(NamedTuple):
     triangles: int
     max_error_px: float
     mean_error_px: float  # by area
-    least_turn: (
-        float  # smallest ratio of a triangle's areas, in the image and on the display: below 0 it is folded over
-    )
+    least_turn: float
+    """The smallest ratio of a triangle's areas, in the image and on the display: below 0 it is folded over."""
     area_px: float
 
 
