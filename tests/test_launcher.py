@@ -19,6 +19,8 @@ from typing import Any
 
 import pytest
 
+from processes import PYTHON, started
+
 ROOT = Path(__file__).resolve().parents[1]
 TOOLS = ROOT / "tools"
 
@@ -218,13 +220,7 @@ def test_the_second_start_waits_for_the_first_and_says_so(checkout: Any) -> None
         "import sys, time\nfrom pathlib import Path\nfrom launcher.state import Checkout, locked\n"
         "with locked(Checkout(Path(sys.argv[1])), print):\n    print('held', flush=True)\n    time.sleep(0.6)\n"
     )
-    first = subprocess.Popen(
-        [sys.executable, "-c", holder, checkout.root],
-        env={**os.environ, "PYTHONPATH": str(TOOLS)},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    with first:
+    with started([*PYTHON, "-c", holder, checkout.root], env={**os.environ, "PYTHONPATH": str(TOOLS)}) as first:
         assert first.stdout is not None
         assert first.stdout.readline() == "held\n"
         said: list[str] = []
@@ -387,19 +383,65 @@ def test_the_launcher_and_the_error_name_the_same_versions() -> None:
 # Finding a driver
 
 
-@pytest.fixture
-def no_adapter(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    driver = module("driver")
-    monkeypatch.setattr(driver, "_probe", lambda checkout, found: "no driver; install one.")
-    return driver
+class Machine:
+    """Stands in for wgpu and for the ways to a driver: what answers, and what answers after each way was gone."""
+
+    def __init__(self, *backends: str) -> None:
+        self.backends = frozenset(backends)
+        self.ways: list[Callable[[], dict[str, str] | str]] = []
+        self.said: list[str] = []
+
+    def put_up(self, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+        driver = module("driver")
+        seen = driver.Seen
+        answer = "no driver; install one.", "install one"
+        monkeypatch.setattr(driver, "_probe", lambda checkout, found: seen(self.backends, *answer))
+        monkeypatch.setattr(driver, "_ways", lambda checkout, why, say: (say(why), *self.ways)[1:])
+        return driver
+
+    def gain(self, *backends: str) -> dict[str, str]:
+        self.backends |= set(backends)
+        return {"VK_DRIVER_FILES": "/x"}
 
 
-def test_where_nothing_can_be_had_one_line_says_so(
-    checkout: Any, no_adapter: ModuleType, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("backends", [("Vulkan",), ("Vulkan", "OpenGL"), ("Metal",), ("D3D12", "OpenGL")])
+def test_where_more_than_opengl_answers_nothing_is_brought(
+    backends: tuple[str, ...], checkout: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(no_adapter, "_ways", lambda checkout, say: [lambda: "apt-get: no network", lambda: {"A": "b"}])
+    machine = Machine(*backends)
+    assert machine.put_up(monkeypatch).find(checkout, machine.said.append) == {}
+    assert machine.said == []
+
+
+@pytest.mark.parametrize(("backends", "why"), [((), "no graphics driver here"), (("OpenGL",), "only OpenGL answers")])
+def test_where_nothing_or_only_opengl_answers_vulkan_is_brought(
+    backends: tuple[str, ...], why: str, checkout: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine(*backends)
+    machine.ways = [lambda: "apt-get: no network", lambda: machine.gain("Vulkan")]
+    found = machine.put_up(monkeypatch).find(checkout, machine.said.append)
+    assert found == {"VK_DRIVER_FILES": "/x"}
+    (line,) = machine.said
+    assert line.startswith(why)
+
+
+def test_where_vulkan_cannot_be_had_opengl_is_used_and_one_line_says_why(
+    checkout: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine("OpenGL")
+    machine.ways = [lambda: "apt-get: no network", lambda: {"A": "b"}]
+    assert machine.put_up(monkeypatch).find(checkout, machine.said.append) == {}
+    line = machine.said[-1]
+    assert line.startswith("only OpenGL answers here, which is slower; install one (tried: apt-get: no network)")
+    assert "still sees no Vulkan" in line
+    assert "\n" not in line
+
+
+def test_where_nothing_can_be_had_one_line_says_so(checkout: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = Machine()
+    machine.ways = [lambda: "apt-get: no network", lambda: {"A": "b"}]
     with pytest.raises(module("state").SetupError) as failed:
-        no_adapter.find(checkout, print)
+        machine.put_up(monkeypatch).find(checkout, machine.said.append)
     assert str(failed.value).startswith("no driver; install one. (tried: apt-get: no network)")
     assert "\n" not in str(failed.value)
     assert failed.value.code == 2
@@ -408,7 +450,7 @@ def test_where_nothing_can_be_had_one_line_says_so(
 def test_a_system_without_apt_has_no_way(checkout: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     driver = module("driver")
     monkeypatch.setattr(driver.shutil, "which", lambda name: None)
-    assert list(driver._ways(checkout, print)) == []
+    assert list(driver._ways(checkout, "no driver", print)) == []
 
 
 def test_the_loader_is_pointed_at_an_unpacked_tree(tmp_path: Path) -> None:
@@ -506,21 +548,16 @@ def test_an_interrupted_set_up_leaves_no_stamp_and_one_line(
     copy: Path, tmp_path: Path, number: int, alone: bool
 ) -> None:
     path = f"{slow_uv(tmp_path / 'bin')}{os.pathsep}{os.environ['PATH']}"
-    process = subprocess.Popen(
-        [sys.executable, copy / "limen", "info"],
-        env={**os.environ, "PATH": path, "LIMEN_NO_SETUP": ""},
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    while not (copy / "begun").exists():
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.02)
-    if alone:
-        os.kill(process.pid, number)
-    else:
-        os.killpg(process.pid, number)  # as a terminal does
-    _, remarks = process.communicate(timeout=20)
+    variables = {**os.environ, "PATH": path, "LIMEN_NO_SETUP": ""}
+    with started([*PYTHON, copy / "limen", "info"], env=variables) as process:
+        while not (copy / "begun").exists():
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.02)
+        if alone:
+            os.kill(process.pid, number)
+        else:
+            os.killpg(process.pid, number)  # as a terminal does
+        _, remarks = process.communicate(timeout=20)
     assert process.returncode == 130
     assert remarks.splitlines()[-1] == "limen: set-up interrupted; the next start does it again"
     assert "Traceback" not in remarks

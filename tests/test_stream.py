@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import subprocess
-import sys
 import threading
 
 import numpy as np
@@ -15,6 +13,7 @@ from hypothesis import strategies as st
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.errors import InputError, PageError
 from limen.stream import FADE_S, Stream
+from processes import PYTHON, finished
 
 SIDE = PAGE + 2 * GUTTER
 
@@ -200,4 +199,4 @@ stream = Stream(Source(), slots=64)
 stream.update(np.arange(8))
 raise SystemExit(3)
 """
-    assert subprocess.run([sys.executable, "-c", program], timeout=60, check=False).returncode == 3
+    assert finished([*PYTHON, "-c", program], timeout_s=60).returncode == 3

@@ -13,6 +13,7 @@ import pytest
 
 from limen.cli import doctor
 from limen.gpu import adapters
+from processes import LIMEN, finished
 
 GPU = adapters.AdapterInfo(
     name="A GPU",
@@ -117,13 +118,7 @@ def test_the_advice_fits_the_system(system: str, families: list[str], expected: 
 
 
 def doctor_in_a_process(**variables: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "limen.cli", "doctor", "--json"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **variables},
-    )
+    return finished([*LIMEN, "doctor", "--json"], timeout_s=120, env={**os.environ, **variables})
 
 
 @pytest.mark.gpu

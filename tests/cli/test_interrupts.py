@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 
 from limen.cli.app import main
+from processes import PYTHON, finished
 
 DROPPED = """
 import _thread, sys, time
@@ -29,7 +27,7 @@ app.main(["doctor"])
 
 
 def test_an_interrupt_that_falls_into_a_finaliser_comes_again() -> None:
-    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=60, check=False)
+    done = finished([*PYTHON, "-c", DROPPED], timeout_s=60)
     assert (done.returncode, done.stderr) == (130, "limen: interrupted\n")
 
 

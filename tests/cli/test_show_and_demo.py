@@ -8,7 +8,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -22,8 +21,7 @@ from limen.display.display import Display
 from limen.placement import OnSurface, texel_pointed_at
 from limen.study import demo
 from limen.track.walk import session_named
-
-LIMEN = [sys.executable, "-m", "limen.cli"]
+from processes import CHILD, LIMEN, finished, started
 
 
 @pytest.fixture(scope="module")
@@ -77,10 +75,8 @@ def test_a_window_opens_and_closes(world):
     if shutil.which("xvfb-run") is None:
         pytest.skip("NO VIRTUAL SCREEN: install xvfb to test windows")
     for words, late in (([], 0.1), (["--display", "rostock", "--session", "A", "--overlay", "levels"], 0.3)):
-        done = subprocess.run(
-            ["xvfb-run", "-a", *LIMEN, "show", str(world), *words, "--seconds", "6", "--json"],
-            capture_output=True, text=True, timeout=120, check=False,
-        )  # fmt: skip
+        window = [*CHILD, "xvfb-run", "-a", *LIMEN, "show", world, *words, "--seconds", 6, "--json"]
+        done = finished(window, timeout_s=120)
         assert done.returncode == 0, done.stderr
         frame = json.loads(done.stdout)["frames"][0]
         assert frame["pages"] > 0
@@ -192,9 +188,7 @@ def test_without_an_adapter_one_line_says_what_to_install(verb, world, tmp_path)
 @pytest.mark.gpu
 def test_a_window_without_a_screen_says_so(world):
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    done = subprocess.run(
-        [*LIMEN, "show", str(world)], env=environment, capture_output=True, text=True, timeout=120, check=False
-    )
+    done = finished([*LIMEN, "show", world], timeout_s=120, env=environment)
     assert done.returncode == 2, done.stderr
     assert "--out" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1, done.stderr
@@ -209,11 +203,11 @@ def test_a_window_without_a_screen_says_so(world):
 ])  # fmt: skip
 def test_ctrl_c_ends_cleanly(words, world, tmp_path):
     filled = [word.format(world=world, out=tmp_path) for word in words]
-    running = subprocess.Popen([*LIMEN, *filled], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(6)
-    assert running.poll() is None, running.communicate()[1]
-    running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=60)
+    with started([*LIMEN, *filled]) as running:
+        time.sleep(6)
+        assert running.poll() is None, running.communicate()[1]
+        running.send_signal(signal.SIGINT)
+        _, err = running.communicate(timeout=60)
     # Python ends by the signal itself, after our own message, where Ctrl-C fell into code made from a string
     # (a dataclass's `__init__`, say); a shell calls both 130.
     assert running.returncode in {130, -signal.SIGINT}, err

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -22,8 +20,8 @@ import limen
 from limen.cli.app import main
 from limen.data import sample_image
 from limen.data.mesh_sample import sample_mesh
+from processes import CHILD, LIMEN, finished, started
 
-LIMEN = [sys.executable, "-m", "limen.cli"]
 SEEN_PX = (320, 240)
 Show = Callable[..., list[dict[str, Any]]]
 
@@ -356,12 +354,12 @@ def test_bad_input_is_one_line_and_exit_code_2(
 @pytest.mark.gpu
 def test_ctrl_c_leaves_whole_pictures(knot: Path, tmp_path: Path) -> None:
     words = ["show", str(knot), "--display", "cube", "--scale", "0.1", "--frames", "10000", "--out", str(tmp_path)]
-    running = subprocess.Popen([*LIMEN, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60
-    while not list(tmp_path.rglob("*.jpg")) and running.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.05)
-    running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=60)
+    with started([*LIMEN, *words]) as running:
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.rglob("*.jpg")) and running.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        running.send_signal(signal.SIGINT)
+        _, err = running.communicate(timeout=60)
     assert running.returncode == 130, err
     assert "interrupted" in err
     assert "Traceback" not in err
@@ -377,10 +375,8 @@ def test_a_window_opens_and_closes(knot: Path) -> None:
     """A real window on a virtual screen: the simulated cube, walked around."""
     if shutil.which("xvfb-run") is None:
         pytest.skip("NO VIRTUAL SCREEN: install xvfb to test windows")
-    done = subprocess.run(
-        ["xvfb-run", "-a", *LIMEN, "show", str(knot), "--display", "cube", "--seconds", "1", "--json"],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+    window = [*CHILD, "xvfb-run", "-a", *LIMEN, "show", knot, "--display", "cube", "--seconds", 1, "--json"]
+    done = finished(window, timeout_s=120)
     assert done.returncode == 0, done.stderr
     (frame,) = json.loads(done.stdout)["frames"]
     assert frame["panels_active"] == 3

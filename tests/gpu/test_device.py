@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from typing import Any
 
@@ -11,6 +10,7 @@ import pytest
 
 from limen.errors import NoAdapterError
 from limen.gpu.device import open_device
+from processes import PYTHON, finished
 
 _NOWHERE = {
     "VK_DRIVER_FILES": "/nonexistent",
@@ -39,7 +39,7 @@ def test_an_unknown_adapter_is_named_with_those_there_are(device: Any) -> None:
 def test_without_any_driver_there_is_an_exception_with_a_cure() -> None:
     attempt = "try: open_device()\nexcept Exception as e: print(type(e).__name__, e)"
     code = f"from limen.gpu.device import open_device\n{attempt}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, **_NOWHERE})
+    done = finished([*PYTHON, "-c", code], timeout_s=60, env={**os.environ, **_NOWHERE})
     assert done.returncode == 0
     assert done.stdout.startswith("NoAdapterError no graphics adapter was found: ")
     assert done.stdout.count("\n") == 1

@@ -1,7 +1,8 @@
-"""An adapter that wgpu sees; where there is none, Mesa's software Vulkan.
+"""An adapter that wgpu sees; where nothing answers, or only OpenGL, Mesa's software Vulkan.
 
-With root and apt it is installed; without root its packages are fetched with apt's own resolver, unpacked in
-a cache folder, and the Vulkan loader is pointed at them. On other systems we can only say what to install.
+OpenGL lacks much of what makes drawing fast, so it is what limen draws with only where Vulkan cannot be had. With root
+and apt Vulkan is installed; without root its packages are fetched with apt's own resolver, unpacked in a cache folder,
+and the Vulkan loader is pointed at them. On other systems we can only say what to install.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,37 +26,58 @@ from launcher.variables import home_is_writable, merged, runtime_variables
 __all__ = ["cache_folder", "find", "loader_variables", "unpack_private"]
 
 _PACKAGES = ("mesa-vulkan-drivers", "libvulkan1")
-_APT = ("-y", "-qq", "--no-install-recommends", "-o", "DPkg::Lock::Timeout=120", "-o", "Acquire::Retries=2")
+_APT = ("-y", "-qq", "--no-install-recommends", "-o", "DPkg::Lock::Timeout=120", "-o", "Acquire::Retries=2",
+        "-o", "Acquire::http::Timeout=20")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What wgpu answered: the backends of its adapters, what to do where there is none, how to get Vulkan."""
+
+    backends: frozenset[str]
+    advice: str
+    cure: str
+
+    @property
+    def suffices(self) -> bool:
+        return bool(self.backends - {"OpenGL"})
 
 
 def find(checkout: Checkout, say: Callable[[str], None]) -> dict[str, str]:
-    """Variables under which an adapter is seen (mostly none); raise with the system's cure where there is no way."""
-    advice = _probe(checkout, {})
-    if not advice:
+    """Variables under which an adapter is seen (mostly none); raise with the system's cure where there is no way.
+
+    OpenGL alone is used only where nothing else can be had, and this is said.
+    """
+    seen = _probe(checkout, {})
+    if seen.suffices:
         return {}
+    why = "only OpenGL answers here" if seen.backends else "no graphics driver here"
     tried = []
-    for way in _ways(checkout, say):
+    for way in _ways(checkout, why, say):
         found = way()
         if isinstance(found, dict):
-            if not _probe(checkout, found):
+            if _probe(checkout, found).suffices:
                 return found
-            found = "the driver was installed, and wgpu still sees no adapter"
-        tried.append(found)
-    raise SetupError(" ".join([advice, *(f"(tried: {reason})" for reason in tried)]), code=2)
+            found = "the driver was installed, and wgpu still sees no Vulkan"
+        tried.append(f"(tried: {found})")
+    if not seen.backends:
+        raise SetupError(" ".join([seen.advice, *tried]), code=2)
+    say(" ".join([f"{why}, which is slower; {seen.cure}", *tried]))
+    return {}
 
 
-def _ways(checkout: Checkout, say: Callable[[str], None]) -> Iterator[Callable[[], dict[str, str] | str]]:
+def _ways(checkout: Checkout, why: str, say: Callable[[str], None]) -> Iterator[Callable[[], dict[str, str] | str]]:
     if platform.system() != "Linux" or not shutil.which("apt-get"):
         return
     if os.geteuid() == 0:
-        yield lambda: _install_system_wide(say)
+        yield lambda: _install_system_wide(why, say)
     folder = cache_folder(checkout)
     if folder and shutil.which("dpkg"):
-        yield lambda: _fetch_private(folder, say)
+        yield lambda: _fetch_private(folder, why, say)
 
 
-def _probe(checkout: Checkout, found: Mapping[str, str]) -> str:
-    """Empty where an adapter is seen, else the advice. In a process of its own: a broken driver may crash it."""
+def _probe(checkout: Checkout, found: Mapping[str, str]) -> Seen:
+    """Ask wgpu, in a process of its own: a broken driver may crash it."""
     script = checkout.root / "src" / "limen" / "gpu" / "adapters.py"
     variables = merged({**os.environ, **runtime_variables(checkout.root)}, found)
     result = run([checkout.python, "-P", script], variables=variables, timeout_s=120)
@@ -64,11 +87,12 @@ def _probe(checkout: Checkout, found: Mapping[str, str]) -> str:
             answer |= json.loads(line)
     if "advice" not in answer or ("adapters" not in answer and result.code > 0):
         raise SetupError(f"could not ask wgpu for adapters: {result.reason}")
-    return "" if answer.get("adapters") else str(answer["advice"])
+    backends = frozenset(str(adapter["backend"]) for adapter in answer.get("adapters", ()))
+    return Seen(backends, str(answer["advice"]), str(answer["cure"]))
 
 
-def _install_system_wide(say: Callable[[str], None]) -> dict[str, str] | str:
-    say("no graphics driver here; installing Mesa's software Vulkan: apt-get install " + " ".join(_PACKAGES))
+def _install_system_wide(why: str, say: Callable[[str], None]) -> dict[str, str] | str:
+    say(f"{why}; installing Mesa's software Vulkan: apt-get install {' '.join(_PACKAGES)}")
     variables = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     result = _with_fresh_lists(
         lambda: run(["apt-get", "install", *_APT, *_PACKAGES], variables=variables),
@@ -86,11 +110,11 @@ def _with_fresh_lists(attempt: Callable[[], Result], update: Callable[[], Result
     return attempt() if renewed.code == 0 else renewed
 
 
-def _fetch_private(folder: Path, say: Callable[[str], None]) -> dict[str, str] | str:
+def _fetch_private(folder: Path, why: str, say: Callable[[str], None]) -> dict[str, str] | str:
     """Fetch and unpack the packages without root, or find them unpacked by an earlier set-up."""
     home = folder / f"mesa-{_system_name()}"
     if not home.exists():
-        say(f"no graphics driver here; fetching Mesa's software Vulkan (about 50 MB) into {home}")
+        say(f"{why}; fetching Mesa's software Vulkan (about 50 MB) into {home}")
         with tempfile.TemporaryDirectory(prefix=".mesa-", dir=folder) as scratch:
             tree = Path(scratch) / "tree"
             reason = unpack_private(Path(scratch), tree)

@@ -31,10 +31,13 @@ __all__ = ["command", "main", "need_of", "prepare"]
 _DRAWING_VERBS = ("demo", "show", "bench", "verify")
 _OBSERVING_VERBS = ("verify", "test")
 _GOING_ON_VERBS = ("doctor", "test")
-_TEST_HELP = """usage: ./limen test [PYTEST ARGS]
+_TEST_HELP = """usage: ./limen test [--backend vulkan|opengl|both] [PYTEST ARGS]
 
 Runs all checks of this checkout: formatting, types, import directions, then the tests.
 With arguments only pytest runs, with these: ./limen test tests/cli -k doctor
+
+--backend   what the tests draw with; without it the best adapter there is. both: all tests on that, then those that
+            draw each kind of content (marked 'drawing') on OpenGL.
 """
 
 

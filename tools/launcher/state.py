@@ -38,7 +38,7 @@ __all__ = [
 ENVIRONMENT, TEST, OBSERVER, CALIBRATE, DRIVER = "environment", "test", "observer", "calibrate", "driver"
 """The five steps, in the order in which they are done."""
 
-_FORMAT = 1
+_FORMAT = 2
 _DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_LOADER_DRIVERS_DISABLE", "LD_LIBRARY_PATH")
 _DRIVER_FOLDERS = (
     "/usr/share/vulkan/icd.d",

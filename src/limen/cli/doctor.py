@@ -15,7 +15,7 @@ import msgspec
 
 from limen.calibrate import opencv
 from limen.cli.output import DEFAULT, Common, Output
-from limen.gpu.adapters import AdapterInfo, driver_advice, linux_cure, list_adapters
+from limen.gpu.adapters import WISH, AdapterInfo, driver_advice, linux_cure, list_adapters
 from limen.study.observer import INSTALL, missing_packages
 
 __all__ = ["doctor"]
@@ -114,6 +114,11 @@ def _adapter_problems(found: list[AdapterInfo]) -> list[Problem]:
         return [Problem("there is no graphics adapter: nothing can be drawn", driver_advice(), stops_drawing=True)]
     problems = []
     best = found[0]
+    wish = os.environ.get(WISH, "")
+    if not best.is_called(wish):
+        problems.append(
+            Problem(f"no adapter is called '{wish}'", f"change or unset the variable {WISH}", stops_drawing=True)
+        )
     if all(info.is_software for info in found):
         problems.append(
             Problem(
@@ -121,7 +126,7 @@ def _adapter_problems(found: list[AdapterInfo]) -> list[Problem]:
                 "if this machine has a GPU, install its Vulkan driver and let this user open /dev/dri (group render)",
             )
         )
-    if best.backend == "OpenGL":
+    if all(info.backend == "OpenGL" for info in found):
         problems.append(Problem("only OpenGL answers, Vulkan does not: drawing is slower", linux_cure()))
     if best.limits.get("max-texture-dimension-2d", 0) < _LEAST_TEXTURE_PX:
         problems.append(

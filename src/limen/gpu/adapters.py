@@ -17,7 +17,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-__all__ = ["AdapterInfo", "driver_advice", "linux_cure", "list_adapters"]
+__all__ = ["WISH", "AdapterInfo", "adapter_info", "driver_advice", "linux_cure", "list_adapters", "preference"]
+
+WISH = "LIMEN_ADAPTER"
+"""The variable that names the adapter to draw with: part of its name or backend, in any case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +38,13 @@ class AdapterInfo:
     def is_software(self) -> bool:
         return self.kind == "CPU"
 
+    def is_called(self, words: str) -> bool:
+        """Whether these are part of its name or backend, in any case."""
+        return words.lower() in f"{self.name} {self.driver} via {self.backend}".lower()
+
 
 def list_adapters(timeout_s: float = 60) -> list[AdapterInfo]:
-    """All adapters, best first; empty where there is no driver, or only one that crashes."""
+    """All adapters, that which is drawn with first; empty where there is no driver, or only one that crashes."""
     with tempfile.TemporaryDirectory(prefix="limen-") as runtime:
         # Mesa complains on every start where the session has no runtime folder.
         variables = {"XDG_RUNTIME_DIR": runtime, **os.environ}
@@ -53,7 +60,20 @@ def list_adapters(timeout_s: float = 60) -> list[AdapterInfo]:
             rows = json.loads(done.stdout.splitlines()[-1]).get("adapters", [])
         except (OSError, subprocess.TimeoutExpired, LookupError, ValueError):
             return []
-    return [AdapterInfo(**{**row, "features": tuple(row["features"])}) for row in rows]
+    return sorted((AdapterInfo(**{**row, "features": tuple(row["features"])}) for row in rows), key=preference)
+
+
+_KINDS = ("DiscreteGPU", "IntegratedGPU", "VirtualGPU", "Unknown", "CPU")
+
+
+def preference(adapter: AdapterInfo, wish: str | None = None) -> tuple[bool, int, bool]:
+    """A key to sort by: what is wished for, then the fastest kind, of one kind anything before OpenGL.
+
+    ``wish`` is part of a name or backend; not given, it is the variable ``LIMEN_ADAPTER``.
+    """
+    words = os.environ.get(WISH, "") if wish is None else wish
+    kind = adapter.kind if adapter.kind in _KINDS else "Unknown"
+    return not adapter.is_called(words), _KINDS.index(kind), adapter.backend == "OpenGL"
 
 
 def driver_advice(system: str | None = None, families: Sequence[str] | None = None) -> str:
@@ -106,14 +126,13 @@ def _linux_families() -> list[str]:
 def _ask_wgpu() -> list[dict[str, Any]]:
     import wgpu  # only here: a driver may fail as soon as it is loaded
 
-    order = {"DiscreteGPU": 0, "IntegratedGPU": 1, "VirtualGPU": 2, "CPU": 4}
-    adapters = [_row(adapter) for adapter in wgpu.gpu.enumerate_adapters_sync()]
-    return sorted(adapters, key=lambda row: (order.get(row["kind"], 3), row["backend"] == "OpenGL"))
+    return [asdict(adapter_info(adapter)) for adapter in wgpu.gpu.enumerate_adapters_sync()]
 
 
-def _row(adapter: Any) -> dict[str, Any]:
+def adapter_info(adapter: Any) -> AdapterInfo:
+    """What a ``wgpu.GPUAdapter`` tells of itself."""
     about = adapter.info
-    info = AdapterInfo(
+    return AdapterInfo(
         name=about.get("device") or about.get("vendor") or "unnamed",
         backend=about.get("backend_type", "?"),
         kind=about.get("adapter_type", "Unknown"),
@@ -121,12 +140,11 @@ def _row(adapter: Any) -> dict[str, Any]:
         features=tuple(sorted(adapter.features)),
         limits={name: int(value) for name, value in adapter.limits.items()},
     )
-    return asdict(info)
 
 
 def _answer() -> None:
     """The advice goes first: asking wgpu may end this process."""
-    sys.stdout.write(json.dumps({"advice": driver_advice()}) + "\n")
+    sys.stdout.write(json.dumps({"advice": driver_advice(), "cure": linux_cure()}) + "\n")
     sys.stdout.flush()
     sys.stdout.write(json.dumps({"adapters": _ask_wgpu()}) + "\n")
 

@@ -11,7 +11,7 @@ from typing import Any
 import wgpu
 
 from limen.errors import NoAdapterError
-from limen.gpu.adapters import driver_advice
+from limen.gpu.adapters import WISH, adapter_info, driver_advice, preference
 
 __all__ = ["Device", "open_device"]
 
@@ -84,8 +84,8 @@ def open_device(*, prefer: str | None = None) -> Device:
     Parameters
     ----------
     prefer
-        Part of an adapter's name or backend (``llvmpipe``, ``vulkan``, ``nvidia``), in any case;
-        ``None`` takes the fastest.
+        Part of an adapter's name or backend (``llvmpipe``, ``vulkan``, ``nvidia``), in any case; ``None`` takes
+        what the variable ``LIMEN_ADAPTER`` names, or else the fastest.
 
     Raises
     ------
@@ -116,8 +116,9 @@ def open_device(*, prefer: str | None = None) -> Device:
 
 
 def _adapter(prefer: str | None) -> Any:
+    wish = os.environ.get(WISH, "") if prefer is None else prefer
     try:
-        if prefer is None:
+        if not wish:
             return wgpu.gpu.request_adapter_sync(power_preference="high-performance")
         adapters = wgpu.gpu.enumerate_adapters_sync()
     except RuntimeError:
@@ -125,11 +126,12 @@ def _adapter(prefer: str | None) -> Any:
         raise NoAdapterError(f"no graphics adapter was found: {driver_advice()}") from None
     if not adapters:
         raise NoAdapterError(f"no graphics adapter was found: {driver_advice()}")
-    for adapter in adapters:
-        if prefer.lower() in adapter.summary.lower():
-            return adapter
+    best = min(adapters, key=lambda adapter: preference(adapter_info(adapter), wish))
+    if adapter_info(best).is_called(wish):
+        return best
     names = "; ".join(adapter.summary for adapter in adapters)
-    raise NoAdapterError(f"no graphics adapter is called '{prefer}': there are {names}")
+    said_by = f" ({WISH})" if prefer is None else ""
+    raise NoAdapterError(f"no graphics adapter is called '{wish}'{said_by}: there are {names}")
 
 
 def _private_runtime_folder() -> None:
