@@ -241,7 +241,7 @@ def _papers_traffic(watch: Watch) -> Report:
     policies = policies_of(["full", "acuity"], ["1", "0.64", "0.5"]) + policies_of(["acuity+gaze"], ["0.64"])
     sessions = [session_named(name, display) for name in "ABC"]
     frames = sum(len(walk.times_s(_PAPERS_HZ)) for walk in sessions)
-    with watch("counting pages of the paper's three walks", frames) as step:
+    with watch("counting pages of three walks", frames) as step:
         counts = tuple(
             count_traffic(view, walk, policies, rate_hz=_PAPERS_HZ, advance=lambda: step(1)) for walk in sessions
         )
