@@ -14,8 +14,8 @@ import pyvips
 from limen.data import ingest, sample_image
 from limen.data.contrast import ContrastSurvey
 from limen.data.image import open_image
-from limen.data.machine import worker_count
 from limen.data.pages import PAGE
+from limen.machine import worker_count
 from limen.select.image import select
 from limen.stream import Stream
 from limen.study.bench import measure_walk, one_to_one_room, walk_viewers

@@ -9,6 +9,11 @@ from typing import Any
 
 import pytest
 
+from limen.machine import cache_folder
+
+# Tests that move the cache elsewhere would compile all loops again; read when Numba is imported, also by children.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder() / "numba"))
+
 _REPOSITORY = Path(__file__).resolve().parents[1]
 
 

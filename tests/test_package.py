@@ -86,6 +86,15 @@ def is_compiled(path: Path) -> bool:
     return path.name.startswith("kernels") or path.name.endswith("_kernels.py")
 
 
+def test_loops_are_compiled_in_one_way() -> None:
+    """Numba's own decorators would keep code that an edit elsewhere has made wrong."""
+    numbas = ("njit", "jit", "vectorize", "guvectorize", "stencil", "cfunc")
+    for path in FILES:
+        imports = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+        names = {alias.name for node in imports if node.module == "numba" for alias in node.names}
+        assert not names & set(numbas), path
+
+
 ERRORS = [getattr(errors, name) for name in errors.__all__]
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import limen
-from limen.data import ingest_mesh, machine, mesh_folder, sample_mesh
+from limen import machine
+from limen.data import ingest_mesh, mesh_folder, sample_mesh
 from limen.data.mesh import Mesh
 from limen.data.mesh_folder import open_mesh_folder, tree_of
 from limen.data.tree_build import build_vertex_tree

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from limen.compiled import compiled
 from limen.data.delaunay_kernels import insert_on_border
 
 __all__ = ["Border", "begin_border", "insert_beside", "insert_chosen", "split_side", "thickest"]
@@ -30,7 +30,7 @@ class Border(NamedTuple):
     vertex: NDArray[np.int32]  # (4, N): its number, -1 where the post is none
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _hull(heights: Any, i: Any, j: Any, sign: Any, out: Any, kept: Any) -> None:
     """Upper (``sign`` 1) or lower (-1) convex hull of posts i to j, at every post (Andrew 1979)."""
     size = 0
@@ -51,7 +51,7 @@ def _hull(heights: Any, i: Any, j: Any, sign: Any, out: Any, kept: Any) -> None:
     out[j] = heights[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _measure(border: Any, side: Any, i: Any, j: Any, kept: Any) -> None:
     heights, lower, upper = border.heights_m[side], border.lower_m[side], border.upper_m[side]
     _hull(heights, i, j, 1.0, upper, kept)
@@ -62,7 +62,7 @@ def _measure(border: Any, side: Any, i: Any, j: Any, kept: Any) -> None:
     border.thickness_m[side, i] = thickness
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _farthest(heights: Any, i: Any, j: Any) -> Any:
     """The post between i and j that deviates most from the chord."""
     best, most = i + 1, -1.0
@@ -74,7 +74,7 @@ def _farthest(heights: Any, i: Any, j: Any) -> Any:
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def begin_border(border: Any) -> None:
     """One segment a side; vertices are the corners 0 to 3, around from the first row's first post."""
     first, last = (0, 1, 3, 0), (1, 2, 2, 3)
@@ -85,7 +85,7 @@ def begin_border(border: Any) -> None:
         _measure(border, side, np.int64(0), end, kept)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def split_side(border: Any, side: Any, error: Any) -> None:
     """Choose posts until no segment's hull is thicker than ``error`` (Ramer 1972, with the hull as measure)."""
     heights, vertex, thickness = border.heights_m[side], border.vertex[side], border.thickness_m[side]
@@ -104,7 +104,7 @@ def split_side(border: Any, side: Any, error: Any) -> None:
         i = j
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def insert_chosen(mesh: Any, border: Any, side: Any) -> None:
     """Make vertices of posts that `split_side` chose; half-edges go along the first two sides, against the others."""
     vertex, last = border.vertex[side], border.length[side] - 1
@@ -120,7 +120,7 @@ def insert_chosen(mesh: Any, border: Any, side: Any) -> None:
             previous = vertex[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def insert_beside(mesh: Any, border: Any, side: Any, k: Any) -> None:
     """Make post ``k`` of a side a vertex, because triangles beside it need it."""
     vertex = border.vertex[side]
@@ -136,7 +136,7 @@ def insert_beside(mesh: Any, border: Any, side: Any, k: Any) -> None:
     insert_chosen(mesh, border, side)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def thickest(border: Any) -> Any:
     """The largest thickness of all segments, in metres."""
     thickness = 0.0

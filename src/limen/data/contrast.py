@@ -58,10 +58,10 @@ from limen.data.contrast_file import (
 )
 from limen.data.contrast_kernels import largest_contrasts
 from limen.data.image import Image
-from limen.data.machine import worker_count
 from limen.data.pages import GUTTER, PAGE
 from limen.data.resample import LINEAR_OF_SRGB, SRGB_OF_LINEAR, linear_of_srgb
 from limen.errors import PageError
+from limen.machine import worker_count
 from limen.vision.contrast import sensitivity
 
 __all__ = ["CONTRAST_OF_BYTE", "UNKNOWN", "ContrastSurvey", "contrast_of_quarter", "page_contrast"]

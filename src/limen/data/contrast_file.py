@@ -16,10 +16,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.machine import place_in_cache
 from limen.data.pages import Pyramid
 from limen.data.partial import write_bytes
 from limen.errors import InputError, StorageError
+from limen.machine import place_in_cache
 
 __all__ = [
     "CONTRAST_OF_BYTE",

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["BLOCK", "WINDOW_BLOCKS", "largest_contrasts"]
 
@@ -26,7 +27,7 @@ _MOST_ENERGY = np.float32(4.0)
 _NEAR, _NEXT, _FAR, _LAST = (np.float32(x) for x in (0.8671875, 0.2265625, -0.0703125, -0.0234375))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _widen(coarse: Any, left: Any, top: Any, light: Any, wide: Any) -> None:
     """Rows ``top - 2 ..`` of the coarse page in linear light, twice as wide: ``wide`` is (rows, 3, 2 n)."""
     line = np.empty(wide.shape[2] // 2 + 4, dtype=np.float32)
@@ -40,7 +41,7 @@ def _widen(coarse: Any, left: Any, top: Any, light: Any, wide: Any) -> None:
                 wide[row, band, 2 * k + 1] = _FAR * b + _NEAR * c + _NEXT * d + _LAST * e
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _heighten(wide: Any, y: Any, line: Any) -> None:
     """Row ``y`` of the finer grid, held to what a display shows: ``line`` is (3, columns)."""
     first = (y + 1) // 2
@@ -53,7 +54,7 @@ def _heighten(wide: Any, y: Any, line: Any) -> None:
             line[band, i] = min(max(value, np.float32(0.0)), np.float32(1.0))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _look_up(texels: Any, light: Any, low: Any, high: Any, below: Any, above: Any, same: Any) -> None:
     """A row of the finer page in linear light, and whether rounding can have made what is drawn without it."""
     for x in range(same.shape[0]):
@@ -64,7 +65,7 @@ def _look_up(texels: Any, light: Any, low: Any, high: Any, below: Any, above: An
         same[x] = (low[r] <= u) & (u <= high[r]) & (low[g] <= v) & (v <= high[g]) & (low[b] <= w) & (w <= high[b])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _contrast_energies(
     below: Any, above: Any, same: Any, mechanisms: Any, black: Any, energies: Any, dark: Any
 ) -> None:
@@ -85,7 +86,7 @@ def _contrast_energies(
         dark[x] = min(np.int32(np.ceil(np.sqrt(luminance) * steps)), np.int32(255))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _add_to_blocks(energies: Any, dark: Any, discount: Any, blocks: Any) -> None:
     """Add a row's energies to those of its row of blocks, (blocks, 3)."""
     columns = dark.shape[0]
@@ -100,7 +101,7 @@ def _add_to_blocks(energies: Any, dark: Any, discount: Any, blocks: Any) -> None
         blocks[k, 2] += violet
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _strongest_window(blocks: Any, edge: Any, rows: Any, columns: Any) -> Any:
     """The largest contrast of all windows of ``edge`` x ``edge`` blocks (n, m), of ``rows`` x ``columns`` texels."""
     half, most = edge // 2, 0.0
@@ -119,7 +120,7 @@ def _strongest_window(blocks: Any, edge: Any, rows: Any, columns: Any) -> Any:
     return np.sqrt(2.0 * most)  # the mean energy of a grating is half the square of its contrast
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def largest_contrasts(
     coarse: Any,
     fine: Any,

@@ -13,8 +13,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from limen.compiled import compiled
 
 __all__ = ["STALE", "TRIANGLES", "VERTICES", "Mesh", "insert", "insert_on_border", "locate", "start", "touch"]
 
@@ -36,14 +37,14 @@ class Mesh(NamedTuple):
     counts: NDArray[np.int64]  # (3,)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _orient(points: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
     """Twice the area of a, b and (x, y): positive to the left of a-b, where rows go up."""
     ax, ay = np.int64(points[a, 0]), np.int64(points[a, 1])
     return (points[b, 0] - ax) * (y - ay) - (points[b, 1] - ay) * (x - ax)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _in_circle(points: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
     """Positive where d lies inside the circle through a, b, c, 0 on it (Guibas, Stolfi 1985, InCircle)."""
     dx, dy = np.int64(points[d, 0]), np.int64(points[d, 1])
@@ -54,18 +55,18 @@ def _in_circle(points: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
     return (ax * ax + ay * ay) * bc + (bx * bx + by * by) * ca + (cx * cx + cy * cy) * ab
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _diagonal(points: Any, a: Any, b: Any) -> Any:
     """1 if a-b is the diagonal of four posts that the surface of all posts has (see `exact_patch`), -1 if the other."""
     return (points[a, 0] - points[b, 0]) * (points[a, 1] - points[b, 1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _next(e: Any) -> Any:
     return e - 2 if e % 3 == 2 else e + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _link(points: Any, edges: Any, e: Any, other: Any) -> None:
     edges[e, 1] = other
     if other >= 0:
@@ -74,7 +75,7 @@ def _link(points: Any, edges: Any, e: Any, other: Any) -> None:
         points[edges[e, 0], 2] = e
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def touch(worst: Any, whole: Any, stale: Any, counts: Any, t: Any) -> None:
     """Have the posts of triangle ``t`` looked at again."""
     if worst[t] >= 0.0:
@@ -84,13 +85,13 @@ def touch(worst: Any, whole: Any, stale: Any, counts: Any, t: Any) -> None:
         counts[2] += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _triangle(edges: Any, worst: Any, whole: Any, stale: Any, counts: Any, t: Any, a: Any, b: Any, c: Any) -> None:
     edges[3 * t, 0], edges[3 * t + 1, 0], edges[3 * t + 2, 0] = a, b, c
     touch(worst, whole, stale, counts, t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _new_triangle(worst: Any, counts: Any) -> Any:
     t = counts[1]
     counts[1] += 1
@@ -98,7 +99,7 @@ def _new_triangle(worst: Any, counts: Any) -> Any:
     return t
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _new_vertex(points: Any, taken: Any, counts: Any, x: Any, y: Any) -> Any:
     p = counts[0]
     counts[0] += 1
@@ -107,7 +108,7 @@ def _new_vertex(points: Any, taken: Any, counts: Any, x: Any, y: Any) -> Any:
     return p
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _flip_until_delaunay(
     points: Any, edges: Any, stack: Any, worst: Any, whole: Any, stale: Any, counts: Any, size: Any
 ) -> None:
@@ -136,7 +137,7 @@ def _flip_until_delaunay(
         size += 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _insert_on_edge(mesh: Any, e: Any, x: Any, y: Any) -> Any:
     """Split edge a-b, and the one or two triangles beside it."""
     points, edges, stack = mesh.points, mesh.edges, mesh.stack
@@ -175,7 +176,7 @@ def _insert_on_edge(mesh: Any, e: Any, x: Any, y: Any) -> Any:
     return p
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def insert(mesh: Any, t: Any, x: Any, y: Any) -> Any:
     """Make (x, y), a post in triangle ``t`` or on one of its edges, a vertex; its number."""
     points, edges, stack = mesh.points, mesh.edges, mesh.stack
@@ -203,13 +204,13 @@ def insert(mesh: Any, t: Any, x: Any, y: Any) -> Any:
     return p
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def insert_on_border(mesh: Any, a: Any, x: Any, y: Any) -> Any:
     """Make (x, y), a post on the border edge that leaves vertex ``a``, a vertex; its number."""
     return _insert_on_edge(mesh, np.int64(mesh.points[a, 2]), x, y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def locate(points: Any, edges: Any, t: Any, x: Any, y: Any) -> Any:
     """A triangle that (x, y) lies in, or on the edge of; walks there from triangle ``t``."""
     while True:
@@ -221,7 +222,7 @@ def locate(points: Any, edges: Any, t: Any, x: Any, y: Any) -> Any:
         t = np.int64(edges[e, 1]) // 3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def start(mesh: Any, columns: Any, rows: Any) -> None:
     """Two triangles over the rectangle from (0, 0) to the last column and row."""
     x, y = columns - 1, rows - 1

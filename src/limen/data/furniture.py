@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.glyphs import CONSONANTS, DOTS, VOWELS
 from limen.data.scenery import mix, unit
 from limen.data.synthesis import random_at, smooth_step
@@ -19,7 +19,7 @@ _CHART_ROWS = 22
 _TITLE = (11, 8, 12, 4, 13)  # LIMEN
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def glyph_ink(code: Any, u: Any, v: Any, dot_px: Any) -> Any:
     """0 .. 1 inside a letter; (u, v) in dots from its top left corner. Large letters get round corners."""
     if u < -0.5 or v < -0.5 or u > 5.5 or v > 7.5:
@@ -39,7 +39,7 @@ def glyph_ink(code: Any, u: Any, v: Any, dot_px: Any) -> Any:
     return smooth_step(0.46 - soft, 0.46 + soft, total)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _number_ink(value: Any, digits: Any, u: Any, v: Any, dot_px: Any) -> Any:
     """A decimal number of so many digits, letters 6 dots apart."""
     place = math.floor(u / 6.0)
@@ -49,7 +49,7 @@ def _number_ink(value: Any, digits: Any, u: Any, v: Any, dot_px: Any) -> Any:
     return glyph_ink(26 + digit, u - 6.0 * place, v, dot_px)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def graticule_ink(x: Any, y: Any) -> Any:
     """Lines every 2048 texels with ticks like a ruler's, and at each crossing its place in texels."""
     step = GRATICULE_PX
@@ -72,14 +72,14 @@ def graticule_ink(x: Any, y: Any) -> Any:
     return 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _letter_of(bits: Any, place: Any) -> Any:
     if place % 2 == 0:
         return CONSONANTS[np.int64((bits >> np.uint64(4 * place)) & np.uint64(15))]
     return VOWELS[np.int64((bits >> np.uint64(4 * place)) & np.uint64(7))]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def label_ink(bits: Any, dx: Any, dy: Any, dot_px: Any) -> Any:
     """(ink, halo) of a city's name; (dx, dy) in texels from the middle of the name."""
     letters = 4 + np.int64(bits & np.uint64(3)) + np.int64((bits >> np.uint64(2)) & np.uint64(1))
@@ -91,7 +91,7 @@ def label_ink(bits: Any, dx: Any, dy: Any, dot_px: Any) -> Any:
     return ink, 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def chart_texel(seed: Any, x: Any, y: Any, wide: Any, high: Any) -> Any:
     """Colour of the reading chart: letters that shrink to single texels, gratings, a scale."""
     edge = min(min(x, wide - 1 - x), min(y, high - 1 - y))
@@ -119,7 +119,7 @@ def chart_texel(seed: Any, x: Any, y: Any, wide: Any, high: Any) -> Any:
     return paper
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _chart_row(seed: Any, row: Any, dx: Any, v: Any, dot_px: Any, wide: Any) -> Any:
     letters = 5 if row == 0 else min(5 + 2 * row, np.int64(0.80 * wide / (6.0 * dot_px)))
     u = dx / dot_px + 3.0 * letters - 0.5
@@ -130,7 +130,7 @@ def _chart_row(seed: Any, row: Any, dx: Any, v: Any, dot_px: Any, wide: Any) -> 
     return glyph_ink(code, u - 6.0 * place, v, dot_px)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _gratings(x: Any, y: Any, wide: Any, high: Any) -> Any:
     """Eight patches with lines 2, 3, 4, 6, 8, 12, 16 and 24 texels apart, upright above and level below."""
     if x < 0 or y < 0 or x >= wide or y >= high:
@@ -146,12 +146,12 @@ def _gratings(x: Any, y: Any, wide: Any, high: Any) -> Any:
     return 0.92 if (2 * (along % period)) < period else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def city_bits(seed: Any, ix: Any, iy: Any) -> Any:
     return random_at(seed + 50, ix, iy)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def name_size_px(bits: Any) -> Any:
     """Texels a dot of a city's name: big cities have big names."""
     return 3.0 + math.floor(6.0 * unit(bits, 20) * unit(bits, 20))

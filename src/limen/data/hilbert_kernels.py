@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from limen.compiled import compiled
 
 __all__ = [
     "DIGIT_BITS",
@@ -83,7 +84,7 @@ _STEPS = _steps()
 _DOUBLE = _double_steps()
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def box_of(places: Any, box: Any) -> None:
     """Lowest and highest coordinates of places (N, 3) into ``box`` (2, 3): NumPy takes twenty times as long."""
     x, y, z = places[0, 0], places[0, 1], places[0, 2]
@@ -95,7 +96,7 @@ def box_of(places: Any, box: Any) -> None:
     box[0, 0], box[0, 1], box[0, 2], box[1, 0], box[1, 1], box[1, 2] = x, y, z, u, v, w
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def crowded(words: Any, longest: int) -> int:
     """How many of some sorted words (N,) are among more than ``longest`` whose keys are equal."""
     found, begin, behind = 0, 0, np.uint64(NUMBER_BITS)
@@ -107,7 +108,7 @@ def crowded(words: Any, longest: int) -> int:
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def round_to_lattice(positions: Any, low: Any, step: float, places: Any) -> None:
     """The nearest places (N, 3) int32 of positions (N, 3); what lies outside is moved to the border."""
     per_step, most = 1.0 / step, float((1 << LATTICE_BITS) - 1)
@@ -117,7 +118,7 @@ def round_to_lattice(positions: Any, low: Any, step: float, places: Any) -> None
             places[i, axis] = np.int32(min(max(place, 0.0), most))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _spread(number: Any) -> Any:
     """Two zeros behind each of 21 bits."""
     bits = np.uint64(number)
@@ -128,7 +129,7 @@ def _spread(number: Any) -> Any:
     return (bits | bits << np.uint64(2)) & np.uint64(0x1249249249249249)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def hilbert_keys(places: Any, levels: int, keys: Any) -> None:
     """Keys (N,) uint64 of ``3 * levels`` bits, for the top bits of places (N, 3) int32 on the lattice."""
     down = LATTICE_BITS - levels
@@ -149,7 +150,7 @@ def hilbert_keys(places: Any, levels: int, keys: Any) -> None:
         keys[i] = key
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def numbered(keys: Any, order: Any, shift: int, words: Any, counts: Any) -> None:
     """Bits of keys (N,) from ``shift`` on with what stands in ``order`` (N,) behind them, in its order: ``words`` (N,).
 
@@ -165,7 +166,7 @@ def numbered(keys: Any, order: Any, shift: int, words: Any, counts: Any) -> None
         words[i] = key << np.uint64(NUMBER_BITS) | np.uint64(order[i])
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def sort_digit(words: Any, number: int, counts: Any, out: Any) -> None:
     """One stable pass by a digit of words (N,), of which there are ``counts`` (3, 2048), which are overwritten."""
     begin, down, digit = 0, np.uint64(NUMBER_BITS + number * DIGIT_BITS), np.uint64((1 << DIGIT_BITS) - 1)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["HALO", "halve_rows"]
 
@@ -13,7 +14,7 @@ HALO = 5
 """Fine rows (and columns) needed on either side of those that are halved: three, and two for a coarse neighbour."""
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _load(row: Any, line: Any, first: int, to_light: Any) -> None:
     """Linear light of fine columns ``first ...`` of one row, colours weighed by opacity where there is a 4th band."""
     width, bands = row.shape
@@ -33,7 +34,7 @@ def _load(row: Any, line: Any, first: int, to_light: Any) -> None:
             line[at + 3] = opacity
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _weigh_rows(ring: Any, first: int, line: Any, taps: Any) -> None:
     """The vertical half: contiguous, so that the compiler vectorises it."""
     r0, r1, r2, r3 = ring[first % 8], ring[(first + 1) % 8], ring[(first + 2) % 8], ring[(first + 3) % 8]
@@ -43,7 +44,7 @@ def _weigh_rows(ring: Any, first: int, line: Any, taps: Any) -> None:
         line[i] = t0 * (r0[i] + r7[i]) + t1 * (r1[i] + r6[i]) + t2 * (r2[i] + r5[i]) + t3 * (r3[i] + r4[i])
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _weigh_columns(line: Any, light: Any, excess: Any, taps: Any, bands: Any) -> Any:
     """The horizontal half: what a display can show of it, and what not. Returns whether there is any of the latter.
 
@@ -70,7 +71,7 @@ def _weigh_columns(line: Any, light: Any, excess: Any, taps: Any, bands: Any) ->
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _give_back(light: Any, above: Any, own: Any, below: Any, bands: Any) -> None:
     """Light less (or more) a quarter of what was cut off at each of the four neighbours, but for the ends' texels."""
     quarter = np.float32(0.25)
@@ -78,7 +79,7 @@ def _give_back(light: Any, above: Any, own: Any, below: Any, bands: Any) -> None
         light[i] += quarter * (above[i] + below[i] + own[i - bands] + own[i + bands])
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _code(light: Any, out: Any, to_code: Any) -> None:
     """8-bit codes of a row of light, (columns, bands), but for the texel at either end."""
     columns, bands = out.shape
@@ -96,7 +97,7 @@ def _code(light: Any, out: Any, to_code: Any) -> None:
                 out[x, band] = to_code[np.int32(min(max(value * weight * top + half, half), top))]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def halve_rows(fine: Any, coarse: Any, first: int, last: int, taps: Any, to_light: Any, to_code: Any) -> None:
     """Columns ``first .. last`` of ``coarse`` (n, columns, bands) from ``fine`` (2 n + 2 HALO, width, bands), uint8.
 

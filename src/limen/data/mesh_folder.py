@@ -21,7 +21,6 @@ import numpy as np
 import zarr
 
 from limen.data.footprint import Footprint
-from limen.data.machine import place_in_cache
 from limen.data.mesh import Mesh
 from limen.data.mesh_file import open_mesh
 from limen.data.partial import PartialFolder, is_disk_full
@@ -29,6 +28,7 @@ from limen.data.tree_build import build_vertex_tree
 from limen.data.vertex_tree import MASK_WORDS, VertexTree
 from limen.data.zarr_folder import checked_header, create_table, is_group_folder, is_made_of, opening, seal, table_of
 from limen.errors import FormatError, InputError, MissingFileError, StorageError
+from limen.machine import place_in_cache
 
 __all__ = ["MeshReport", "ingest_mesh", "open_mesh_folder", "tree_of"]
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["sum_normals"]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def sum_normals(positions: Any, triangles: Any, welds: Any, normals: Any) -> None:
     """Unit normals (V, 3) float32 into ``normals``: the mean of the triangles around, weighted by area.
 

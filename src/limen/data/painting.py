@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.furniture import chart_texel, city_bits, graticule_ink, label_ink, name_size_px
 from limen.data.scenery import (
     CITY_CELL_PX,
@@ -33,7 +33,7 @@ _CITY_FIELDS = 6
 _LABEL_REACH_PX = 240.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _horizon(x: Any, y: Any, width: Any, height: Any) -> Any:
     """(night 0 .. 1, image heights beyond the planet's edge) of a texel."""
     bow = (y / height - 0.5) ** 2
@@ -43,7 +43,7 @@ def _horizon(x: Any, y: Any, width: Any, height: Any) -> Any:
     return night, beyond
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cities_near(seed: Any, x0: Any, y0: Any, width: Any, height: Any) -> Any:
     """(n, 6) of cities that may reach into a block: x, y, radius, angle, tag, dots of the name; on gentle land only."""
     found = np.empty((9, _CITY_FIELDS), dtype=np.float64)
@@ -68,7 +68,7 @@ def _cities_near(seed: Any, x0: Any, y0: Any, width: Any, height: Any) -> Any:
     return found[:count]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _ground(seed: Any, x: Any, y: Any, at: Any, grain: Any, shade: Any, height: Any) -> Any:
     """Land without cities: soil, river, farmland, trees; ``at`` are the fields of the texel."""
     z, moisture, rough, river, fertile = at
@@ -85,7 +85,7 @@ def _ground(seed: Any, x: Any, y: Any, at: Any, grain: Any, shade: Any, height: 
     return colour
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _with_cities(seed: Any, x: Any, y: Any, cities: Any, ground: Any) -> Any:
     """(colour, lamps at night) where a city covers the ground."""
     colour, lamps = ground, 0.0
@@ -98,7 +98,7 @@ def _with_cities(seed: Any, x: Any, y: Any, cities: Any, ground: Any) -> Any:
     return colour, lamps
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _lettered(x: Any, y: Any, cities: Any, seed: Any, colour: Any) -> Any:
     """Names over cities, light with a dark shadow."""
     for k in range(cities.shape[0]):
@@ -114,7 +114,7 @@ def _lettered(x: Any, y: Any, cities: Any, seed: Any, colour: Any) -> Any:
     return colour
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _evening(colour: Any, lamps: Any, night: Any) -> Any:
     """Daylight turned to dusk (orange) and night (blue, lamps lit)."""
     if night <= 0.0:
@@ -130,7 +130,7 @@ def _evening(colour: Any, lamps: Any, night: Any) -> Any:
     return (min(r, 1.0), min(g, 1.0), min(b, 1.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _chart_place(width: Any, height: Any) -> Any:
     """(left, top, width, height) of the reading chart, which hangs on the day side."""
     wide = np.int64(min(max(0.36 * height, 200.0), 4096.0, 0.3 * width))
@@ -139,7 +139,7 @@ def _chart_place(width: Any, height: Any) -> Any:
     return left, top, wide, high
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _planet_texel(seed: Any, x: Any, y: Any, at: Any, grain: Any, slope: Any, cities: Any, height: Any) -> Any:
     """(colour by day, lamps by night)."""
     if at[0] <= 0.0:
@@ -152,7 +152,7 @@ def _planet_texel(seed: Any, x: Any, y: Any, at: Any, grain: Any, slope: Any, ci
     return _with_cities(seed, x, y, cities, colour)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _texel(seed: Any, x: Any, y: Any, terrain: Any, j: Any, i: Any, cities: Any, width: Any, height: Any) -> Any:
     night, beyond = _horizon(x, y, width, height)
     at = (terrain[0, j, i], terrain[1, j, i], terrain[2, j, i], terrain[3, j, i], terrain[4, j, i])
@@ -176,7 +176,7 @@ def _texel(seed: Any, x: Any, y: Any, terrain: Any, j: Any, i: Any, cities: Any,
     return mix(colour, (1.0, 1.0, 1.0), graticule_ink(x, y) * (1.0 - 0.65 * night))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def paint_block(seed: Any, x0: Any, y0: Any, width: Any, height: Any, out: Any) -> None:
     """sRGB texels of the block at (x0, y0), multiples of 256, into ``out`` (<= 256, <= 256, 3) uint8."""
     terrain = terrain_of_block(seed, x0, y0, height)

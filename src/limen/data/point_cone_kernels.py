@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_nodes import CHUNK_POINTS, FAN
 
 __all__ = [
@@ -46,7 +46,7 @@ _SAME = np.float32(1.0 - 4e-6)
 """Codes of different normals are at least 0.4 degrees apart, a cosine of 1 - 3e-5: anything beyond this is rounding."""
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def pack_normal(x: float, y: float, z: float, out: Any) -> None:
     """The octahedral code of a vector of any length but zero."""
     scale = 1.0 / (abs(x) + abs(y) + abs(z))
@@ -56,7 +56,7 @@ def pack_normal(x: float, y: float, z: float, out: Any) -> None:
     out[0], out[1] = np.int8(np.rint(x * 127.0)), np.int8(np.rint(y * 127.0))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def pack_normals_into(normals: Any, codes: Any) -> None:
     """Octahedral codes (N, 2) int8 of vectors (N, 3) of any length; `NO_NORMAL` where one is zero or not finite."""
     for i in range(normals.shape[0]):
@@ -68,7 +68,7 @@ def pack_normals_into(normals: Any, codes: Any) -> None:
             codes[i, 0], codes[i, 1] = NO_NORMAL, NO_NORMAL
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def pack_words(places: Any, rgb: Any, intensity: Any, normals: Any, words: Any) -> None:
     """Points as words (N, 5) uint32: ``places`` (N, 3) int32, ``rgb`` (N, 3) and ``intensity`` (N,) bytes, octahedral
     ``normals`` (N, 2) int8. Where a table is empty, the intensity is 0, and no normal is known.
@@ -87,7 +87,7 @@ def pack_words(places: Any, rgb: Any, intensity: Any, normals: Any, words: Any) 
         words[i, 4] = u | v << np.uint32(8)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def unpack_normals(codes: Any, count: int, normals: Any) -> None:
     """Unit vectors, rows 0, 1, 2 of ``normals``, of octahedral codes in rows 0 and 1 of ``codes``, float32."""
     for i in range(count):
@@ -99,7 +99,7 @@ def unpack_normals(codes: Any, count: int, normals: Any) -> None:
         normals[0, i], normals[1, i], normals[2, i] = x * scale, y * scale, z * scale
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _angle(cosine: Any) -> Any:
     """Radians, never less than the arc cosine; 0 for a normal and itself."""
     x = min(abs(cosine), _ONE)
@@ -112,7 +112,7 @@ def _angle(cosine: Any) -> Any:
     return np.float32(0.0) if cosine > _SAME else angle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mean_normals(beside: Any, nodes: int, held: Any, two_sided: bool, codes: Any) -> None:
     """Octahedral codes of the mean normals of nodes, rows 0 and 1 of ``codes`` (3, N) float32; row 2 is how many points
     below have one, or 0 where these are less than half, or cancel each other out.
@@ -142,7 +142,7 @@ def mean_normals(beside: Any, nodes: int, held: Any, two_sided: bool, codes: Any
         codes[2, i] = known if fit else np.float32(0.0)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def cones(beside: Any, axes: Any, nodes: int, two_sided: bool, out: Any) -> None:
     """Codes (N,) float32 of cones about ``axes`` (3, N) that hold those of the children ``beside``.
 

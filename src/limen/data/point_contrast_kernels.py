@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_decode_kernels import FAR, GROUP, GROUP_NUMBERS, INNER, decoded
 from limen.data.point_light_kernels import BRIGHTER, DARKER, code_of, light_of
 from limen.data.point_near_kernels import MOST_NEAR, ROOM, WIDE, below, first_list, keep, pick
@@ -30,7 +30,7 @@ _ENOUGH = 128
 _FAR_BITS = np.int32(FAR.view(np.int32))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _group_range(groups: Any, bits: Any, at: int, x: float, y: float, z: float, reach: float) -> Any:
     """Lowest and highest luminance of those points of a group that meet a sphere.
 
@@ -49,7 +49,7 @@ def _group_range(groups: Any, bits: Any, at: int, x: float, y: float, z: float, 
     return np.int32(low).view(np.float32), np.int32(high).view(np.float32)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _mark_group(groups: Any, at: int, x: float, y: float, z: float, reach: float, low: float, high: float,
                 marks: Any) -> int:  # fmt: skip
     """Which points of a group meet a sphere and are darker than ``low`` or brighter than ``high``; how many."""
@@ -64,7 +64,7 @@ def _mark_group(groups: Any, at: int, x: float, y: float, z: float, reach: float
     return count  # type: ignore[return-value]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _seen_range(seen: Any, bits: Any, count: int, sphere: Any) -> Any:
     """Lowest and highest luminance of what of the first entries meets a sphere."""
     x, y, z, reach = sphere[0], sphere[1], sphere[2], sphere[3]
@@ -77,7 +77,7 @@ def _seen_range(seen: Any, bits: Any, count: int, sphere: Any) -> Any:
     return np.int32(low).view(np.float32), np.int32(high).view(np.float32)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _sphere(inner: Any, slot: int, node: int, slack: float, sphere: Any) -> bool:
     """The sphere of a node, a little larger; whether there is one."""
     for part in range(4):
@@ -86,13 +86,13 @@ def _sphere(inner: Any, slot: int, node: int, slack: float, sphere: Any) -> bool
     return bool(sphere[0] != FAR)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _raise(codes: Any, node: int, shown: float, low: float, high: float) -> None:
     if low <= high:
         codes[node] = max(codes[node], code_of(shown, low, high))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _tell(node: int, row: int, count: int, chunk: int, nodes: Any, light: Any, lists: Any, store: Any, sphere: Any,
           codes: Any) -> None:  # fmt: skip
     """The code of a node of level 3 or 4 with ``sphere``, from what of the level below meets it."""
@@ -113,7 +113,7 @@ def _tell(node: int, row: int, count: int, chunk: int, nodes: Any, light: Any, l
         _raise(codes, node, shown, least, most)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _append(groups: Any, at: int, x: float, y: float, z: float, picked: Any, count: int, seen: Any, held: int) -> None:
     """Points of a group, moved, behind what is ``seen`` (6, N): spheres with a range of luminance."""
     for n in range(count):
@@ -124,7 +124,7 @@ def _append(groups: Any, at: int, x: float, y: float, z: float, picked: Any, cou
         seen[4, to], seen[5, to] = light, light
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _use(seen: Any, seen_bits: Any, held: int, spheres: Any, shown: Any, twig: int, codes: Any, limits: Any) -> None:
     """Raise the codes of a node of level 2 and its children by what is seen, and with them the ``limits`` (2,): what
     lies between them raises no code any more.
@@ -142,7 +142,7 @@ def _use(seen: Any, seen_bits: Any, held: int, spheres: Any, shown: Any, twig: i
             limits[1] = min(limits[1], np.float32(shown[k] * BRIGHTER[codes[node]]))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _tell_twig(twig: int, count: int, slack: float, chunk: int, nodes: Any, light: Any, lists: Any, store: Any,
                spheres: Any, seen: Any, seen_bits: Any, codes: Any) -> None:  # fmt: skip
     """Codes of a node of level 2 and its children, from entries in row 2: first from its own points.
@@ -187,7 +187,7 @@ def _tell_twig(twig: int, count: int, slack: float, chunk: int, nodes: Any, ligh
         _use(seen, seen_bits, held, spheres, shown, twig, codes, limits)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _contrasts(
     chunk: int,
     roots: int,
@@ -223,7 +223,7 @@ def _contrasts(
             _tell_twig(twig, near_twig, slack, chunk, nodes, light, lists, store, spheres, seen, seen_bits, codes)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def chunk_contrasts(
     first: int, cloud: Any, tops: Any, met: Any, lengths: Any, scale: Any, light: Any, cache: Any, codes: Any
 ) -> None:

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_light_kernels import light_of
 from limen.data.point_nodes import CHUNK_POINTS, FAN, LEVEL_BEGIN
 
@@ -27,7 +27,7 @@ FAR = np.float32(1e30)
 _BEGIN = LEVEL_BEGIN
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _decode(cloud: Any, chunk: int, scale: Any, light: Any, inner: Any, groups: Any, slot: int) -> None:
     """A chunk into ``inner`` (S, 6, 585) and ``groups`` (S * 64 * 320,); far away where there is no node."""
     nodes, places, points, frames = cloud
@@ -62,7 +62,7 @@ def _decode(cloud: Any, chunk: int, scale: Any, light: Any, inner: Any, groups: 
             inner[slot, 0, node] = FAR
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def decoded(near_chunks: Any, count: int, cloud: Any, scale: Any, light: Any, cache: Any, slots: Any) -> None:
     """Slots (K,) of chunks, decoded where they were not, in the place of those that were not wanted for longest.
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_nodes import FAN
 
 __all__ = ["GROUP", "LANES", "NEIGHBOURS", "arrange"]
@@ -31,7 +31,7 @@ _FAR = np.float32(1e30)
 """Where there is no point: rows beyond the last are filled up with it. Its square is infinite."""
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _widths(values: Any, width: Any) -> None:
     """From the lowest to the highest value of every lane."""
     least, most = np.full(LANES, _FAR), np.full(LANES, -_FAR)
@@ -46,7 +46,7 @@ def _widths(values: Any, width: Any) -> None:
         width[lane] = most[lane] - least[lane]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _longest(x: Any, y: Any, z: Any, keys: Any) -> None:
     """Copy each lane's coordinates along its longest axis into ``keys``."""
     across, up, along = np.empty(LANES, np.float32), np.empty(LANES, np.float32), np.empty(LANES, np.float32)
@@ -60,7 +60,7 @@ def _longest(x: Any, y: Any, z: Any, keys: Any) -> None:
             key[lane] = a[lane] if across[lane] >= max(up[lane], along[lane]) else rest
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _compare(one: Any, other: Any, before_one: Any, before_other: Any) -> None:
     for i in range(one.shape[0]):
         later = np.int32(other[i] < one[i])
@@ -68,7 +68,7 @@ def _compare(one: Any, other: Any, before_one: Any, before_other: Any) -> None:
         before_other[i] += np.int32(1) - later
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _sort(
     at: Any, label: Any, low: int, high: int, keys: Any, lower: Any, upper: Any, out: Any, out_label: Any
 ) -> None:
@@ -90,7 +90,7 @@ def _sort(
         out_x[to], out_y[to], out_z[to], outs[to] = x[i], y[i], z[i], own[i]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _apart(x: Any, y: Any, z: Any, other_x: Any, other_y: Any, other_z: Any, squares: Any) -> None:
     for i in range(x.shape[0]):
         dx, dy, dz = other_x[i] - x[i], other_y[i] - y[i], other_z[i] - z[i]
@@ -98,7 +98,7 @@ def _apart(x: Any, y: Any, z: Any, other_x: Any, other_y: Any, other_z: Any, squ
         squares[i] = d if d > np.float32(0.0) else _FAR * _FAR  # what lies in the same place is no neighbour
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _insert(squares: Any, first: Any, second: Any, third: Any) -> None:
     """Keep the three smallest."""
     for i in range(squares.shape[0]):
@@ -110,7 +110,7 @@ def _insert(squares: Any, first: Any, second: Any, third: Any) -> None:
         third[i] = c if c < d else d
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _near(x: Any, y: Any, z: Any, first: Any, second: Any, third: Any, squares: Any) -> None:
     """Squared distances from all to their three nearest in the same lane; ``squares`` is overwritten."""
     count = x.shape[0]
@@ -123,7 +123,7 @@ def _near(x: Any, y: Any, z: Any, first: Any, second: Any, third: Any, squares: 
         _insert(squares[:keep], first[apart:], second[apart:], third[apart:])
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _radii(near: Any, step: float, count: int, radii: Any) -> None:
     """Of points, lane by lane: the third distance, or the last there is, but not much more than is typical."""
     first, second, third = near[0], near[1], near[2]
@@ -146,7 +146,7 @@ def _radii(near: Any, step: float, count: int, radii: Any) -> None:
             radii[row + lane] = min(radii[row + lane], most[lane])
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _gather(words: Any, order: Any, begin: int, count: int, at: Any, label: Any) -> None:
     """Places of up to ``LANES`` groups, each relative to its first point, side by side."""
     for lane in range(LANES):
@@ -166,7 +166,7 @@ def _gather(words: Any, order: Any, begin: int, count: int, at: Any, label: Any)
             at[0, to], at[1, to], at[2, to], label[to] = _FAR, _FAR, _FAR, i
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def arrange(words: Any, order: Any, step: float, out: Any, radii: Any) -> None:
     """Points in ``order`` (N,), each 64 split into eights, with radii (N,) in metres for a lattice of ``step`` metres.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_nodes import CHUNK_POINTS, LEVEL_BEGIN
 from limen.vision.grades import CONTRAST_OF_CODE
 
@@ -25,7 +25,7 @@ with np.errstate(divide="ignore"):
 """Times a luminance, what has the contrast of a code to it."""
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def light_of(nodes: Any, chunk: int, node: int, channels: Any, dark: float) -> float:
     light: float = (
         np.float32(dark)
@@ -36,7 +36,7 @@ def light_of(nodes: Any, chunk: int, node: int, channels: Any, dark: float) -> f
     return light
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def luminance_ranges(nodes: Any, points: int, channels: Any, dark: float, ranges: Any) -> None:
     """Lowest and highest luminance of the points of chunks: ``ranges`` (C, 2) float32, in cd/m2.
 
@@ -50,7 +50,7 @@ def luminance_ranges(nodes: Any, points: int, channels: Any, dark: float, ranges
         ranges[chunk, 0], ranges[chunk, 1] = low, high
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def code_of(shown: float, low: float, high: float) -> int:
     """The smallest code of `limen.vision.grades` that is no less than the larger contrast of ``shown``."""
     contrast = 0.0

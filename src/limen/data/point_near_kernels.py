@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_decode_kernels import FAR, INNER
 from limen.data.point_light_kernels import code_of
 from limen.data.point_nodes import CHUNK_LEVEL, FAN
@@ -33,7 +33,7 @@ _ROUNDING = 1e-6
 """Of the distances at hand: more than what float32 does to them."""
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _mark(near: Any, level: int, count: int, sphere: Any, low: float, high: float, marks: Any) -> None:
     """Which of the first entries meet ``sphere`` (4,) and hold what is below ``low`` or above ``high``."""
     x, y, z, reach = sphere[0], sphere[1], sphere[2], sphere[3]
@@ -44,7 +44,7 @@ def _mark(near: Any, level: int, count: int, sphere: Any, low: float, high: floa
         marks[k] = np.int32(meets & ((near[level, 4, k] < low) | (near[level, 5, k] > high)))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def pick(marks: Any, count: int, picked: Any) -> int:
     """The numbers of what is marked; returns how many."""
     found = 0
@@ -54,7 +54,7 @@ def pick(marks: Any, count: int, picked: Any) -> int:
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _fill_up(near: Any, level: int, count: int) -> None:
     """Far away up to the next multiple of `WIDE`."""
     for k in range(count, -(-count // WIDE) * WIDE):
@@ -64,7 +64,7 @@ def _fill_up(near: Any, level: int, count: int) -> None:
         near[level, 4, k], near[level, 5, k] = FAR, np.float32(0.0)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def keep(ids: Any, near: Any, row: int, count: int, full_row: int, full: int, sphere: Any, marks: Any, picked: Any,
           to: int) -> int:  # fmt: skip
     """Copy those of the entries of a row that meet ``sphere`` to row ``to``; returns how many.
@@ -85,13 +85,13 @@ def keep(ids: Any, near: Any, row: int, count: int, full_row: int, full: int, sp
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _meet(x: float, y: float, z: float, reach: float, bx: float, by: float, bz: float, radius: float) -> bool:
     dx, dy, dz, both = bx - x, by - y, bz - z, radius + reach
     return bool(dx * dx + dy * dy + dz * dz <= both * both)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def below(ids: Any, near: Any, row: int, count: int, inner: Any, slots: Any, offsets: Any, sphere: Any, to: int) -> int:
     """The children of entries of a row that meet ``sphere``, into row ``to``; coarse spheres stay themselves."""
     kept = 0
@@ -121,7 +121,7 @@ def below(ids: Any, near: Any, row: int, count: int, inner: Any, slots: Any, off
     return kept
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def first_list(
     chunk: int, tops: Any, met: Any, count: int, frames: Any, ids: Any, near: Any, near_chunks: Any, offsets: Any
 ) -> Any:
@@ -157,14 +157,14 @@ def first_list(
     return which, farthest * _ROUNDING
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _top_meets(spheres: Any, a: int, b: int) -> bool:
     dx, dy, dz = spheres[a, 0] - spheres[b, 0], spheres[a, 1] - spheres[b, 1], spheres[a, 2] - spheres[b, 2]
     reach = (spheres[a, 3] + spheres[b, 3]) * _SAFE
     return bool(dx * dx + dy * dy + dz * dz <= reach * reach)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def top_contrasts(spheres: Any, shown: Any, begin: Any, lists: Any, lengths: Any, codes: Any) -> None:
     """Codes (N,) of all tops above level 4, and what meets every top: ``lists`` (N, 128) int32, ``lengths`` (N,).
 
@@ -199,7 +199,7 @@ def top_contrasts(spheres: Any, shown: Any, begin: Any, lists: Any, lengths: Any
                 lengths[child] = kept
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _hand_down(spheres: Any, child: int, entries: Any, count: int, lists: Any) -> int:
     """Those of the first entries that meet a child, as far as its list takes them; returns how many."""
     kept = 0

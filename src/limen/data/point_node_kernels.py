@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.hilbert_kernels import box_of
 from limen.data.point_cone_kernels import WIDTH, cones, mean_normals, unpack_normals
 from limen.data.point_nodes import ALL_AROUND, CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, FAN, LEVEL_BEGIN
@@ -35,7 +35,7 @@ _STEPS_OF_FRACTION = np.ceil(np.log2(1.0 + np.arange(1, 257) / 256.0) * RADIUS_S
 _RADIANS_A_CONE = np.float32(np.pi / 254.0)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _frame(words: Any, begin: int, end: int, step: float, low: Any, frame: Any, at: Any) -> None:
     """Where the chunk's codes begin and how long a step is, into ``frame`` (5,); codes of the points' places into rows
     0, 1, 2 of ``at``.
@@ -62,7 +62,7 @@ def _frame(words: Any, begin: int, end: int, step: float, low: Any, frame: Any, 
             at[a, i] = np.float32(np.int32(0) if code < 0 else np.int32(65535) if code > 65535 else code)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _code_of(share: float) -> int:
     """The smallest code that stands for no less than a share of the largest radius; 0 for none.
 
@@ -75,7 +75,7 @@ def _code_of(share: float) -> int:
     return int(min(max(255 + octave * RADIUS_STEPS + _STEPS_OF_FRACTION[part], 1), 255))
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _beside(own: Any, first: int, count: int, rows: int, out: Any) -> None:
     """Children from the ``first`` on side by side, a row after the other; the last one stands in for those missing."""
     for row in range(rows):
@@ -88,7 +88,7 @@ def _beside(own: Any, first: int, count: int, rows: int, out: Any) -> None:
                 out[row * CHUNK_POINTS + child * WIDTH + i] = own[row, first + min(FAN * i + child, count - 1)]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _middles(beside: Any, nodes: int, state: Any) -> None:
     """The middle of the box of children's spheres, rows 0, 1, 2 of ``state``."""
     half = np.float32(0.5)
@@ -109,7 +109,7 @@ def _middles(beside: Any, nodes: int, state: Any) -> None:
         state[6 * WIDTH + i] = np.float32(1e30)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _reach(beside: Any, nodes: int, share: float, state: Any) -> None:
     """How far children reach from rows 0, 1, 2 of ``state``; the best place and its reach are kept in rows 3 ... 6.
 
@@ -138,7 +138,7 @@ def _reach(beside: Any, nodes: int, share: float, state: Any) -> None:
         )
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _centres(beside: Any, nodes: int, state: Any) -> None:
     """Places of nodes, whole codes, and how far their children reach from there, in steps: rows 3 ... 6 of ``state``.
 
@@ -160,7 +160,7 @@ def _centres(beside: Any, nodes: int, state: Any) -> None:
     _reach(beside, nodes, np.float32(0.0), state)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _spheres(radii: Any, begin: int, counts: Any, frame: Any, spheres: Any, codes: Any, scale: Any, beside: Any,
              state: Any) -> None:  # fmt: skip
     """Spheres (4, 4681) of all nodes in steps, bottom up from the points' places, and codes (4681,) of their radii.
@@ -196,7 +196,7 @@ def _spheres(radii: Any, begin: int, counts: Any, frame: Any, spheres: Any, code
             codes[node] = codes[node] + (255 - top) if codes[node] > 0 else 0
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _colours(words: Any, begin: int, counts: Any, light: Any, codes_of_light: Any, looks: Any) -> None:
     """Colours and intensities as a word of a node, red the lowest byte: ``looks`` (4681,) uint32, means of light."""
     total = np.zeros((CHUNK_NODES - CHUNK_POINTS, 4), np.float32)
@@ -223,7 +223,7 @@ def _colours(words: Any, begin: int, counts: Any, light: Any, codes_of_light: An
                     total[(node - 1) // FAN, c] += total[node, c]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _normals(words: Any, begin: int, counts: Any, two_sided: bool, faces: Any, beside: Any, state: Any) -> None:
     """Octahedral normals and cones as a word of a node, of 24 bits: ``faces`` (4681,) uint32.
 
@@ -265,7 +265,7 @@ def _normals(words: Any, begin: int, counts: Any, two_sided: bool, faces: Any, b
             own[3, i], own[4, i] = codes[2, i], state[i] * _RADIANS_A_CONE if fit else np.float32(0.0)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def build_chunks(
     words: Any, radii: Any, step: float, low: Any, two_sided: bool, light: Any, codes_of_light: Any, out: Any,
     frames: Any,

@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_cone_kernels import NO_NORMAL, pack_normal
 from limen.data.point_group_kernels import GROUP
 
@@ -34,7 +34,7 @@ _FEWEST = 5.0
 """Sum of weights, 1 at the point itself and 0 at the farthest."""
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+@compiled(error_model="python", fastmath={"reassoc", "contract", "nsz"})
 def _moments(x: Any, y: Any, z: Any, i: int, reach: float, moments: Any) -> float:
     """Weighted sums of x, y, z and of their six products about point ``i`` into ``moments`` (9,); the weights' sum."""
     a, b, c, scale = x[i], y[i], z[i], np.float32(1.0) / reach
@@ -51,7 +51,7 @@ def _moments(x: Any, y: Any, z: Any, i: int, reach: float, moments: Any) -> floa
     return float(total)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _plane(moments: Any, total: float, normal: Any) -> bool:
     """The direction of least variance into ``normal`` (3,); whether it is that of a surface."""
     mx, my, mz = moments[0] / total, moments[1] / total, moments[2] / total
@@ -89,7 +89,7 @@ def _plane(moments: Any, total: float, normal: Any) -> bool:
     return best > 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def estimate_normals(places: Any, radii: Any, step: float, octahedral: Any) -> None:
     """Normals (N, 2) of arranged points, upward (z not negative), from the neighbours in their groups of 64.
 

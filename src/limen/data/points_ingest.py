@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from limen.data.cloud_file import Batch, Cloud, open_cloud
 from limen.data.footprint import Footprint
-from limen.data.machine import worker_count
 from limen.data.partial import PartialFolder, is_disk_full
 from limen.data.point_buckets import Spool, along_curve
 from limen.data.point_contrast import ChunkContrasts, Neighbourhood, ranges_of
@@ -33,6 +32,7 @@ from limen.data.points_tree import NEUTRAL, POINT, Lattice, arranged, chunks_of,
 from limen.data.zarr_folder import create_table, seal
 from limen.errors import InputError, StorageError
 from limen.geometry import Floats
+from limen.machine import worker_count
 from limen.vision.luminance import Photometry
 
 __all__ = ["PointsReport", "ingest_points"]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from limen.data.cloud_file import open_cloud
 from limen.data.image import existing_file
-from limen.data.machine import place_in_cache
 from limen.data.point_nodes import CHUNK_POINTS, counts_of_levels
 from limen.data.points_file import Points, PointsInfo
 from limen.data.points_ingest import ingest_points
 from limen.data.zarr_folder import is_made_of
 from limen.errors import FormatError, MissingFileError, NeedsIngestError
+from limen.machine import place_in_cache
 
 __all__ = ["LARGEST_AT_ONCE_POINTS", "cloud_info", "open_points"]
 

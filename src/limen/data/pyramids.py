@@ -23,11 +23,11 @@ from limen.data.contrast import ContrastSurvey
 from limen.data.contrast_file import write_contrast
 from limen.data.image import open_image
 from limen.data.kernels import HALO, halve_rows
-from limen.data.machine import worker_count
 from limen.data.pages import PAGE, Pyramid
 from limen.data.partial import is_disk_full
 from limen.data.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import StorageError
+from limen.machine import worker_count
 
 __all__ = ["PyramidWriter"]
 

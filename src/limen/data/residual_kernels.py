@@ -12,7 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["rim_of", "scan_lines", "scan_posts"]
 
@@ -23,7 +24,7 @@ _COLUMN, _ROW, _DIAGONAL = 0, 1, 2
 """Lines of the surface."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def rim_of(points: Any, edges: Any, t: Any) -> Any:
     """How many edges on the border longer than a post, the last one's half-edge, and its side."""
     count, edge, side = 0, -1, -1
@@ -41,7 +42,7 @@ def rim_of(points: Any, edges: Any, t: Any) -> Any:
     return count, edge, side
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _sorted_by_row(points: Any, a: Any, b: Any, c: Any) -> Any:
     if points[b, 1] < points[a, 1]:
         a, b = b, a
@@ -52,7 +53,7 @@ def _sorted_by_row(points: Any, a: Any, b: Any, c: Any) -> Any:
     return a, b, c
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _side_of_border(border: Any, side: Any, along: Any) -> Any:
     """Column and row of a place on a side."""
     if side == 0 or side == 2:
@@ -60,7 +61,7 @@ def _side_of_border(border: Any, side: Any, along: Any) -> Any:
     return (border.length[0] - 1 if side == 1 else 0), along
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cone_residual(border: Any, side: Any, apex: Any, x: Any, y: Any, z: Any) -> Any:
     """Of a post in a rim: its ray from the apex ends on the border, anywhere between the two hulls."""
     flat = side == 0 or side == 2
@@ -78,7 +79,7 @@ def _cone_residual(border: Any, side: Any, apex: Any, x: Any, y: Any, z: Any) ->
     return max(abs(apex[2] + share * (lower - apex[2]) - z), abs(apex[2] + share * (upper - apex[2]) - z))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _on_line(truth: Any, kind: Any, u: Any, w: Any) -> Any:
     """Height of the surface at place ``w`` of line ``u``, and the post before it."""
     k = np.int64(w)
@@ -95,7 +96,7 @@ def _on_line(truth: Any, kind: Any, u: Any, w: Any) -> Any:
     return z * (1.0 - f) + z1 * f, x, y, f
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cross(truth: Any, a: Any, b: Any, sign: Any, worst: Any) -> Any:
     """Where the way from a to b (column, row, height) crosses the lines of the surface.
 
@@ -121,13 +122,13 @@ def _cross(truth: Any, a: Any, b: Any, sign: Any, worst: Any) -> Any:
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _vertex(points: Any, heights: Any, v: Any) -> Any:
     x, y = np.int64(points[v, 0]), np.int64(points[v, 1])
     return x, y, np.float64(heights[y, x])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cross_edges(points: Any, edges: Any, heights: Any, truth: Any, t: Any, worst: Any) -> Any:
     """Along the inner edges that go down; those that go up belong to the triangle on the other side."""
     for k in range(3):
@@ -139,7 +140,7 @@ def _cross_edges(points: Any, edges: Any, heights: Any, truth: Any, t: Any, wors
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cross_cones(border: Any, truth: Any, side: Any, apex: Any, i: Any, j: Any, worst: Any) -> Any:
     """Along the edges of both cones over the hulls of a border's posts from i to j."""
     for k in range(i + 1, j):
@@ -152,7 +153,7 @@ def _cross_cones(border: Any, truth: Any, side: Any, apex: Any, i: Any, j: Any, 
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _corners(points: Any, edges: Any, heights: Any, t: Any, edge: Any) -> Any:
     """Both ends of an edge of triangle ``t``, and the vertex opposite."""
     a, b = edges[edge, 0], edges[3 * t + (edge + 1) % 3, 0]
@@ -160,7 +161,7 @@ def _corners(points: Any, edges: Any, heights: Any, t: Any, edge: Any) -> Any:
     return _vertex(points, heights, a), _vertex(points, heights, b), _vertex(points, heights, apex)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _scan_rim(corners: Any, border: Any, truth: Any, side: Any) -> Any:
     """The worst of the inner posts of a rim."""
     rows, columns = truth.shape
@@ -177,7 +178,7 @@ def _scan_rim(corners: Any, border: Any, truth: Any, side: Any) -> Any:
     return best, best_x, best_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _scan_inner(points: Any, edges: Any, heights: Any, truth: Any, t: Any) -> Any:
     """The worst of the inner posts of a triangle; a post on an edge belongs to that right of it or below."""
     rows, columns = truth.shape
@@ -206,7 +207,7 @@ def _scan_inner(points: Any, edges: Any, heights: Any, truth: Any, t: Any) -> An
     return best, best_x, best_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _corner_post(points: Any, edges: Any, t: Any) -> Any:
     """An inner post of a triangle that has two edges on borders: on the diagonal from the corner they share."""
     x, y, reach = np.int64(0), np.int64(0), np.int64(1)
@@ -221,7 +222,7 @@ def _corner_post(points: Any, edges: Any, t: Any) -> Any:
     return (reach if x == 0 else x - reach), (reach if y == 0 else y - reach)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _end_of(taken: Any, kind: Any, x: Any, y: Any, f: Any) -> Any:
     """Of the two posts beside a place on a line: the nearer if it is no vertex, and on a border only if it has to be.
 
@@ -239,7 +240,7 @@ def _end_of(taken: Any, kind: Any, x: Any, y: Any, f: Any) -> Any:
     return other_x, other_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def scan_posts(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None:
     """Find the post farthest from triangle ``t``. A triangle with two long edges on borders cannot stay."""
     points, edges, post = mesh.points, mesh.edges, mesh.post
@@ -255,7 +256,7 @@ def scan_posts(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None
     mesh.worst[t], post[t, 0], post[t, 1] = residual, x, y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def scan_lines(mesh: Any, border: Any, heights: Any, truth: Any, t: Any) -> None:
     """Find whether triangle ``t`` is farther from the surface between posts, and the post to insert against that."""
     points, edges = mesh.points, mesh.edges

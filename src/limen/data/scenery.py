@@ -9,8 +9,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.synthesis import noise, random_at, smooth_step
 
 __all__ = ["city_texel", "field_texel", "land_texel", "sea_texel", "space_texel", "tree_texel"]
@@ -19,23 +19,23 @@ CITY_CELL_PX = 1664
 """Texels between the places where a city may stand."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def unit(bits: Any, shift: Any) -> Any:
     """12 of the random bits as 0 .. 1."""
     return np.float64((bits >> np.uint64(shift)) & np.uint64(0xFFF)) / 4096.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mix(a: Any, b: Any, t: Any) -> Any:
     return (a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def scaled(a: Any, t: Any) -> Any:
     return (a[0] * t, a[1] * t, a[2] * t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sea_texel(depth: Any, grain: Any) -> Any:
     """Water by depth (0 at the shore, in image heights), with engraver's waterlines along the coast."""
     colour = mix((0.035, 0.115, 0.235), (0.085, 0.30, 0.46), math.exp(-depth * 9.0))
@@ -54,7 +54,7 @@ def sea_texel(depth: Any, grain: Any) -> Any:
     return mix(colour, (0.90, 0.95, 0.93), 0.75 * foam)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def land_texel(height: Any, moisture: Any, grain: Any) -> Any:
     """Colour of the ground by height (0 at the shore), moisture (-1 .. 1) and fine noise."""
     wet = smooth_step(-0.40, 0.35, moisture + 0.10 * grain)
@@ -71,7 +71,7 @@ def land_texel(height: Any, moisture: Any, grain: Any) -> Any:
     return mix(colour, (0.95, 0.97, 1.0), snow)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def tree_texel(seed: Any, x: Any, y: Any, density: Any, ground: Any) -> Any:
     """Ground under single trees: each has a crown lit from the north-west and throws a shadow."""
     cell = 9.0
@@ -100,7 +100,7 @@ def tree_texel(seed: Any, x: Any, y: Any, density: Any, ground: Any) -> Any:
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def field_texel(seed: Any, x: Any, y: Any, ground: Any) -> Any:
     """Farmland: parishes of one direction each, strips between hedges, furrows a few texels apart, round fields."""
     size = 1024
@@ -140,7 +140,7 @@ def field_texel(seed: Any, x: Any, y: Any, ground: Any) -> Any:
     return mix(ground, colour, 0.86)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _roof(lot: Any, fu: Any, fv: Any, wide: Any, long: Any) -> Any:
     """A house seen from above: two slopes, a ridge, a yard around it and a shadow to the south-east."""
     margin = 1.0 + 2.0 * unit(lot, 0)
@@ -163,7 +163,7 @@ def _roof(lot: Any, fu: Any, fv: Any, wide: Any, long: Any) -> Any:
     return scaled(roof, slope * (0.88 + 0.24 * unit(lot, 36)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def city_texel(seed: Any, city: Any, x: Any, y: Any, ground: Any) -> Any:
     """(colour, light at night) near a city = (x, y, radius, angle, bits as float): streets, blocks, houses, parks."""
     dx, dy = x - city[0], y - city[1]
@@ -204,7 +204,7 @@ def city_texel(seed: Any, city: Any, x: Any, y: Any, ground: Any) -> Any:
     return _roof(lot, fu - 2.0 - iu * part_u, fv - 2.0 - iv * part_v, part_u, part_v), lit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _stars(seed: Any, x: Any, y: Any, cell: Any, chance: Any, radius: Any, spikes: Any) -> Any:
     """Light of the star that may stand in a cell of the sky, and its warmth."""
     ix, iy = x // cell, y // cell
@@ -229,7 +229,7 @@ def _stars(seed: Any, x: Any, y: Any, cell: Any, chance: Any, radius: Any, spike
     return light, unit(h, 48)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _galaxy(seed: Any, x: Any, y: Any) -> Any:
     """A spiral galaxy in some cells of the sky."""
     cell = 1408
@@ -252,7 +252,7 @@ def _galaxy(seed: Any, x: Any, y: Any) -> Any:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def space_texel(seed: Any, x: Any, y: Any, cloud: Any, dust: Any, grain: Any) -> Any:
     """The sky: nebula from two smooth fields, three classes of stars, spiral galaxies."""
     body = smooth_step(-0.25, 0.75, cloud + 0.10 * grain)

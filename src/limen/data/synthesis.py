@@ -12,7 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["BLOCK", "FIELDS", "NODE_STEP", "land_at", "random_at", "smooth_step", "terrain_of_block"]
 
@@ -30,7 +31,7 @@ _SLOPE = 0.9
 """Height gained per image height by one octave: the same at all scales, so that relief is seen at every distance."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def random_at(seed: Any, x: Any, y: Any) -> Any:
     """64 well-mixed bits for a lattice point (the finaliser of MurmurHash3)."""
     h = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(y) * np.uint64(0xC2B2AE3D27D4EB4F)
@@ -42,13 +43,13 @@ def random_at(seed: Any, x: Any, y: Any) -> Any:
     return h ^ (h >> np.uint64(33))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def smooth_step(low: Any, high: Any, value: Any) -> Any:
     t = min(max((value - low) / (high - low), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _corner(seed: Any, ix: Any, iy: Any, fx: Any, fy: Any) -> Any:
     h = random_at(seed, ix, iy)
     gx = np.float64(h & np.uint64(0xFFFF)) / 32768.0 - 1.0
@@ -56,7 +57,7 @@ def _corner(seed: Any, ix: Any, iy: Any, fx: Any, fy: Any) -> Any:
     return gx * fx + gy * fy
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def noise(seed: Any, x: Any, y: Any) -> Any:
     """Gradient noise of wavelength 1, about -1 .. 1."""
     ix, iy = np.int64(np.floor(x)), np.int64(np.floor(y))
@@ -69,7 +70,7 @@ def noise(seed: Any, x: Any, y: Any) -> Any:
     return 1.4 * (top + sy * (bottom - top))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _fractal(seed: Any, x: Any, y: Any, octaves: Any) -> Any:
     total, size = 0.0, 1.0
     for k in range(octaves):
@@ -78,7 +79,7 @@ def _fractal(seed: Any, x: Any, y: Any, octaves: Any) -> Any:
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def land_at(seed: Any, x: Any, y: Any, height: Any, out: Any) -> None:
     """The :data:`FIELDS` at texel (x, y) of an image ``height`` texels high, without wavelengths below 48 texels."""
     u, v = x / height, y / height
@@ -106,7 +107,7 @@ def land_at(seed: Any, x: Any, y: Any, height: Any, out: Any) -> None:
     out[4] = _fractal(seed + 220, u * 2.9, v * 2.9, 3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _nodes(seed: Any, x0: Any, y0: Any, height: Any, count: Any) -> Any:
     nodes = np.empty((FIELDS, count, count), dtype=np.float32)
     at = np.empty(FIELDS, dtype=np.float64)
@@ -118,7 +119,7 @@ def _nodes(seed: Any, x0: Any, y0: Any, height: Any, count: Any) -> Any:
     return nodes
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cubic(nodes: Any, edge: Any) -> Any:
     """Catmull-Rom between nodes, for texels -1 .. edge - 2 of the block."""
     weigh = np.empty((NODE_STEP, 4), dtype=np.float32)
@@ -144,7 +145,7 @@ def _cubic(nodes: Any, edge: Any) -> Any:
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add_octave(seed: Any, x0: Any, y0: Any, wave_px: Any, size: Any, out: Any) -> None:
     """Add gradient noise of a whole wavelength to texels -1 .. of the block; gradients are hashed once each."""
     edge = out.shape[0]
@@ -176,7 +177,7 @@ def _add_octave(seed: Any, x0: Any, y0: Any, wave_px: Any, size: Any, out: Any) 
             out[j, i] += amount * (top + sy * (bottom - top))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def terrain_of_block(seed: Any, x0: Any, y0: Any, height: Any) -> Any:
     """(FIELDS + 1, 258, 258) float32 of a block with one texel around it; the last is fine noise, -1 .. 1."""
     edge = BLOCK + 2

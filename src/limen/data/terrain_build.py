@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from limen.data.elevation import ElevationSource, Window
 from limen.data.footprint import Footprint
 from limen.data.image import existing_file
-from limen.data.machine import worker_count
 from limen.data.pages import Pyramid
 from limen.data.partial import PartialFolder, is_disk_full
 from limen.data.terrain_file import is_terrain_folder
@@ -33,6 +32,7 @@ from limen.data.tin_tree import grow_tree
 from limen.data.voids import CELL, REACH, complete, fill, pull
 from limen.data.zarr_folder import create_table, seal
 from limen.errors import FormatError, InputError, StorageError
+from limen.machine import worker_count
 
 __all__ = ["TerrainReport", "code_range_m", "error_ladder_m", "ingest_terrain"]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["MOST_CODE", "halve_heights", "halve_relief", "texels_of_posts"]
 
@@ -13,7 +14,7 @@ MOST_CODE = (1 << 24) - 1
 """The code of the highest height."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def texels_of_posts(
     heights_m: Any, void: Any, spacing_x: Any, spacing_y: Any, low_m: Any, high_m: Any, relief: Any, coded: Any
 ) -> None:
@@ -41,7 +42,7 @@ def texels_of_posts(
             coded[j, i, 3] = share
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _rounded(total: Any, count: Any) -> Any:
     """The quotient of whole numbers, halves to the even one: rounding up would add an eighth of a code every level."""
     whole, rest = total // count, total % count
@@ -50,7 +51,7 @@ def _rounded(total: Any, count: Any) -> Any:
     return whole
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def halve_relief(fine: Any, coarse: Any) -> None:
     """Means of 2 x 2 texels weighted by the share of valid posts; uint8 (rows, columns, 4), sizes rounded up."""
     rows, columns = fine.shape[0], fine.shape[1]
@@ -73,7 +74,7 @@ def halve_relief(fine: Any, coarse: Any) -> None:
             coarse[j, i, 3] = _rounded(share, count)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def halve_heights(fine: Any, coarse: Any) -> None:
     """The same of heights, whose three bytes are one number."""
     rows, columns = fine.shape[0], fine.shape[1]

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from limen.data.elevation import ElevationSource
 from limen.data.image import existing_file
-from limen.data.machine import place_in_cache
 from limen.data.terrain_build import ingest_terrain
 from limen.data.terrain_file import Terrain
 from limen.data.zarr_folder import is_made_of
 from limen.errors import FormatError, MissingFileError, NeedsIngestError
+from limen.machine import place_in_cache
 
 __all__ = ["LARGEST_AT_ONCE_POSTS", "open_terrain"]
 

@@ -20,10 +20,10 @@ from rasterio.errors import RasterioError
 from rasterio.windows import Window
 
 from limen.data.footprint import Footprint
-from limen.data.machine import worker_count
 from limen.data.partial import PartialFile
 from limen.data.terrain_sample_kernels import heights_of_block
 from limen.errors import InputError, StorageError
+from limen.machine import worker_count
 
 __all__ = ["SAMPLE_SPACING_M", "TerrainSampleReport", "sample_heights", "sample_terrain"]
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.synthesis import random_at, smooth_step
 
 __all__ = ["NODE_STEP", "heights_of_block"]
@@ -33,7 +33,7 @@ _CELL_REACH2 = 1.1 * 1.1
 _WATER_M = 560.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _corner(seed: Any, ix: Any, iy: Any) -> Any:
     """A gradient, each component in -1 ... 1."""
     h = random_at(seed, ix, iy)
@@ -42,7 +42,7 @@ def _corner(seed: Any, ix: Any, iy: Any) -> Any:
     ) / 32768.0 - 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _noise(seed: Any, x: Any, y: Any) -> Any:
     """Gradient noise of wavelength 1, about -1 ... 1 (Perlin 2002), and its derivatives along x and y."""
     ix, iy = np.int64(np.floor(x)), np.int64(np.floor(y))
@@ -62,7 +62,7 @@ def _noise(seed: Any, x: Any, y: Any) -> Any:
     return 1.4 * value, 1.4 * east, 1.4 * south
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _gullies(seed: Any, k: Any, x: Any, y: Any, state: Any) -> None:
     """Cut octave ``k`` of gullies at (x, y) metres into the ``state``: waves across the slope, a point a cell."""
     length_m = _GULLIES_M * 0.5**k
@@ -96,7 +96,7 @@ def _gullies(seed: Any, k: Any, x: Any, y: Any, state: Any) -> None:
     state[2] += size * rise / total * (side * wave_x + turn * wave_y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _land_at(seed: Any, x: Any, y: Any, state: Any) -> None:
     """All that nodes carry, at (x, y) metres."""
     warp_x, _, _ = _noise(seed + 51, x / 23_000.0, y / 23_000.0)
@@ -126,7 +126,7 @@ def _land_at(seed: Any, x: Any, y: Any, state: Any) -> None:
         _gullies(seed + 70, k, x, y, state)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _weights(t: Any, out: Any) -> None:
     """Catmull-Rom."""
     out[0] = 0.5 * t * (t * (2.0 - t) - 1.0)
@@ -135,7 +135,7 @@ def _weights(t: Any, out: Any) -> None:
     out[3] = 0.5 * t * t * (t - 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def heights_of_block(seed: Any, column: Any, row: Any, spacing_m: Any, heights_m: Any) -> None:
     """Fill float32 (rows, columns) ``heights_m`` that begins at post (column, row), both multiples of `NODE_STEP`."""
     rows, columns = heights_m.shape

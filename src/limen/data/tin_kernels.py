@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.border_kernels import insert_beside
 from limen.data.delaunay_kernels import insert, locate, touch
 from limen.data.residual_kernels import rim_of, scan_lines, scan_posts
@@ -20,14 +20,14 @@ DONE, FULL, OVER = 0, 1, 2
 """How `improve` and `seed` end: nothing left to do; the arrays must grow first; more triangles than allowed."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def scan_stale(mesh: Any, border: Any, heights: Any, truth: Any) -> None:
     for s in range(mesh.counts[2]):
         scan_posts(mesh, border, heights, truth, np.int64(mesh.stale[s]))
     mesh.counts[2] = 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def seed(mesh: Any, posts: Any, begin: Any) -> Any:
     """Insert inner posts, no vertices yet, from number ``begin`` on; how many are in, all if there was room."""
     t = np.int64(0)
@@ -40,7 +40,7 @@ def seed(mesh: Any, posts: Any, begin: Any) -> Any:
     return posts.shape[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _push(keys: Any, items: Any, size: Any, key: Any, item: Any) -> None:
     k = size
     while k > 0:
@@ -52,7 +52,7 @@ def _push(keys: Any, items: Any, size: Any, key: Any, item: Any) -> None:
     keys[k], items[k] = key, item
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _drop_first(keys: Any, items: Any, size: Any) -> None:
     """Of ``size`` entries; one fewer are left."""
     last = size - 1
@@ -70,7 +70,7 @@ def _drop_first(keys: Any, items: Any, size: Any) -> None:
     keys[k], items[k] = key, item
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _collect(worst: Any, triangles: Any, error: Any, keys: Any, items: Any) -> Any:
     """A heap of the triangles that are worse than ``error``; how many."""
     size = np.int64(0)
@@ -81,14 +81,14 @@ def _collect(worst: Any, triangles: Any, error: Any, keys: Any, items: Any) -> A
     return size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _look_between_posts(mesh: Any, border: Any, heights: Any, truth: Any) -> None:
     for t in range(mesh.counts[1]):
         if not mesh.whole[t]:
             scan_lines(mesh, border, heights, truth, t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _insert_against(mesh: Any, border: Any, t: Any) -> None:
     """The post that was found for triangle ``t``, which may lie beside it, or on the border.
 
@@ -106,7 +106,7 @@ def _insert_against(mesh: Any, border: Any, t: Any) -> None:
         insert_beside(mesh, border, side, x if side % 2 == 0 else y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def improve(mesh: Any, border: Any, heights: Any, truth: Any, error: Any, most: Any) -> Any:
     """Insert the worst post of all until no place is worse than ``error``, or there are more than ``most`` triangles.
 
@@ -144,7 +144,7 @@ def improve(mesh: Any, border: Any, heights: Any, truth: Any, error: Any, most: 
         mesh.counts[2] = 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def worst_of_all(mesh: Any) -> Any:
     """The largest residual of all triangles, in metres."""
     worst = 0.0
@@ -153,7 +153,7 @@ def worst_of_all(mesh: Any) -> Any:
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def extract(mesh: Any, core: Any, rims: Any, rim_side: Any) -> Any:
     """Write triangles, counter-clockwise where rows go down; how many core and rims there are."""
     points, edges = mesh.points, mesh.edges

@@ -20,8 +20,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.tree_record_kernels import (
     FIXED,
     HEAD,
@@ -51,12 +51,12 @@ _MOST_CORNERS = 48  # around a node: more would make a collapse slow, and triang
 _RETRY_STEPS = 4
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(inline="always")
 def _next(corner: Any) -> Any:
     return corner + 1 - 3 * ((corner & 7) == 2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _gather(tri: Any, words: Any, node: Any, partner: Any, around: Any, count: Any, edge: Any) -> Any:
     """Triangles around a node as rows (corner, node, node) from ``count`` on; returns how many rows there are then.
 
@@ -75,7 +75,7 @@ def _gather(tri: Any, words: Any, node: Any, partner: Any, around: Any, count: A
     return count, shared
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _move(record: Any, node: Any, around: Any, begin: Any, end: Any, normals: Any, x: Any, y: Any, z: Any) -> Any:
     """How far the surface around a node moves when the node goes by (x, y, z); -1 if a triangle would turn over.
 
@@ -113,7 +113,7 @@ def _move(record: Any, node: Any, around: Any, begin: Any, end: Any, normals: An
     return np.sqrt(min(most, way2))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _move_rim(record: Any, node: Any, around: Any, begin: Any, end: Any, third: Any, x: Any, y: Any, z: Any) -> Any:
     """How far the rim moves when a node on it goes by (x, y, z): the two places from the lines to the next on the rim.
 
@@ -138,7 +138,7 @@ def _move_rim(record: Any, node: Any, around: Any, begin: Any, end: Any, third: 
     return np.sqrt(min((nx * nx + ny * ny + nz * nz) / least, way2) if least > 0.0 else way2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _neighbours(words: Any, around: Any, middle: Any, end: Any, edge: Any, shared: Any, mark: Any, ring: Any) -> Any:
     """List in ``ring`` all nodes of the rows of two nodes, which end at ``middle`` and ``end``; returns how many.
 
@@ -164,7 +164,7 @@ def _neighbours(words: Any, around: Any, middle: Any, end: Any, edge: Any, share
     return -1 if fails else count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _rename(tri: Any, words: Any, around: Any, end: Any, edge: Any, shared: Any, new: Any) -> None:
     """Give the triangles in rows a new corner, and take those at the edge away."""
     for row in range(shared):
@@ -178,7 +178,7 @@ def _rename(tri: Any, words: Any, around: Any, end: Any, edge: Any, shared: Any,
         tri[corner + 3] = around[row + 1, 0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _push(queue: Any, first: Any, last: Any, entry: Any, u: Any, w: Any, number: Any) -> None:
     """Append an edge to a bin as entry number ``entry``."""
     queue[3 * entry], queue[3 * entry + 1], queue[3 * entry + 2] = u, w, -1
@@ -189,7 +189,7 @@ def _push(queue: Any, first: Any, last: Any, entry: Any, u: Any, w: Any, number:
     last[number] = entry
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def collapse(
     tri: Any, record: Any, words: Any, kind: Any, tile: Any, parent: Any, begin: Any, mark: Any, queue: Any, bins: Any
 ) -> Any:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from limen.compiled import compiled
 
 __all__ = [
     "CELLS_A_SIDE",
@@ -32,7 +33,7 @@ def first_at_places(positions: NDArray[np.float32]) -> NDArray[np.int32]:
     return first
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def weld_places(bits: Any, first: Any) -> None:
     """The first vertex at each vertex's place: ``bits`` (V, 3) int32 of the floats, -0 as 0, into ``first`` (V,)."""
     size = 16
@@ -57,7 +58,7 @@ def weld_places(bits: Any, first: Any) -> None:
             slot = (slot + 1) & (size - 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def places(records: Any, numbers: Any, parent: Any, stays: Any, middle: Any, size: Any, position: Any) -> None:
     """Places of inner nodes in the mesh's own coordinates, from ``records`` to ``position`` (N, 3).
 
@@ -78,7 +79,7 @@ def places(records: Any, numbers: Any, parent: Any, stays: Any, middle: Any, siz
                 position[above, axis] = position[node, axis]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def cell_of(x: Any, y: Any, z: Any) -> Any:
     """The cell of the Gauss sphere, 0 ... 383, that a direction lies in: ``64 face + 8 row + column``.
 
@@ -97,14 +98,14 @@ def cell_of(x: Any, y: Any, z: Any) -> Any:
     return face * CELLS_A_SIDE * CELLS_A_SIDE + row * CELLS_A_SIDE + column
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _stretch(box: Any, node: Any, x: Any, y: Any, z: Any) -> None:
     box[node, 0], box[node, 3] = min(box[node, 0], x), max(box[node, 3], x)
     box[node, 1], box[node, 4] = min(box[node, 1], y), max(box[node, 4], y)
     box[node, 2], box[node, 5] = min(box[node, 2], z), max(box[node, 5], z)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def leaf_regions(triangles: Any, position: Any, normal: Any, box: Any, ring: Any, mask: Any, area: Any) -> None:
     """Of every vertex, what the triangles around it reach.
 
@@ -141,7 +142,7 @@ def leaf_regions(triangles: Any, position: Any, normal: Any, box: Any, ring: Any
                 mask[node, cell >> 6] |= one << np.uint64(cell & 63)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def merge_regions(parent: Any, position: Any, box: Any, leaf_mask: Any, mask: Any) -> None:
     """Boxes (N, 6) and masks (N - V, 6) of parents from those of children; a box holds its own proxy, too."""
     vertices = leaf_mask.shape[0]
@@ -157,7 +158,7 @@ def merge_regions(parent: Any, position: Any, box: Any, leaf_mask: Any, mask: An
             mask[above - vertices, word] |= bits
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def reach_up(parent: Any, position: Any, ring: Any, middle: Any, radius: Any, way: Any) -> None:
     """Raise ``radius`` (N - V,) to hold, about ``middle``, all triangles around all vertices below.
 
@@ -179,7 +180,7 @@ def reach_up(parent: Any, position: Any, ring: Any, middle: Any, radius: Any, wa
             above = parent[above]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def rise(parent: Any, vertices: Any, value: Any) -> None:
     """Make no inner node's ``value`` (N - V,) smaller than that of one below."""
     for node in range(vertices, parent.shape[0]):
@@ -188,7 +189,7 @@ def rise(parent: Any, vertices: Any, value: Any) -> None:
             value[above - vertices] = max(value[above - vertices], value[node - vertices])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_up(parent: Any, sums: Any) -> None:
     """Add the rows of ``sums`` (N, n) to those of their parents, children first."""
     for node in range(parent.shape[0]):
@@ -198,7 +199,7 @@ def add_up(parent: Any, sums: Any) -> None:
                 sums[above, column] += sums[node, column]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def widen_up(triangles: Any, parent: Any, value: Any, low: Any, high: Any) -> None:
     """The range of a value of vertices, ``value`` (V,), over the region of each node: ``low`` and ``high`` (N,)."""
     for t in range(triangles.shape[0]):

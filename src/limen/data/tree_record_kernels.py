@@ -16,7 +16,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = [
     "APART", "AREA", "BEND", "FIXED", "HEAD", "INNER", "MOVED", "NORMAL", "PLACE", "RIM", "SLOTS", "STAMP",
@@ -42,7 +43,7 @@ _PULL = 1e-3  # of the planes' weight: how much a new place is drawn to the edge
 _COMPACT = np.float32(1e-5)  # of the planes' weight: how much long edges cost where planes cost nothing
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _unsteady(record: Any, i: Any, k: Any) -> Any:
     """What the normals of two records lose when both get their mean, beyond how they bend between the two places."""
     x, y, z = record[k + 10] - record[i + 10], record[k + 11] - record[i + 11], record[k + 12] - record[i + 12]
@@ -61,7 +62,7 @@ def _unsteady(record: Any, i: Any, k: Any) -> Any:
     return _SHADE2 * one * other * both * (c * c + d * d + e * e)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def cost_of(record: Any, kind: Any, u: Any, w: Any) -> Any:
     """About what joining two nodes costs: in the middle of them, or where the one is that may not move."""
     i, k = SLOTS * u, SLOTS * w
@@ -87,7 +88,7 @@ def cost_of(record: Any, kind: Any, u: Any, w: Any) -> Any:
     return max(cost, np.float32(0.0)) + _COMPACT * length2 * weight + _unsteady(record, i, k)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def _shift(record: Any, at: Any, x: Any, y: Any, z: Any) -> Any:
     """``b`` and ``c`` of a record, seen from (x, y, z) off its place."""
     rx = record[at] * x + record[at + 1] * y + record[at + 2] * z
@@ -98,7 +99,7 @@ def _shift(record: Any, at: Any, x: Any, y: Any, z: Any) -> Any:
     return bx + rx, by + ry, bz + rz, constant
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled(fastmath=True)
 def best_place(record: Any, kind: Any, u: Any, w: Any) -> Any:
     """Where the node of two is to be, as ways from ``u`` and from ``w``."""
     i, k = SLOTS * u, SLOTS * w
@@ -134,7 +135,7 @@ def best_place(record: Any, kind: Any, u: Any, w: Any) -> Any:
     return hx + x, hy + y, hz + z, x - hx, y - hy, z - hz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def merge(record: Any, u: Any, w: Any, new: Any, ux: Any, uy: Any, uz: Any, wx: Any, wy: Any, wz: Any) -> None:
     """The record of the node of two that go by (ux, uy, uz) and by (wx, wy, wz)."""
     i, k, m = SLOTS * u, SLOTS * w, SLOTS * new

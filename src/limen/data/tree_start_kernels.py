@@ -7,15 +7,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.tree_kernels import CORNERS, _next
 from limen.data.tree_record_kernels import APART, AREA, BEND, FIXED, HEAD, INNER, NORMAL, PLACE, RIM, SLOTS
 
 __all__ = ["classify", "fill", "link_corners", "sum_bends", "sum_quadrics", "tile"]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill(positions: Any, middle: Any, size: Any, triangles: Any, numbers: Any, records: Any, tri: Any) -> None:
     """Records of the nodes ``numbers`` (V,) of vertices, and of triangles that have three different ones.
 
@@ -31,7 +31,7 @@ def fill(positions: Any, middle: Any, size: Any, triangles: Any, numbers: Any, r
         tri[t, 0], tri[t, 1], tri[t, 2] = (a, b, c) if there else (-1, -1, -1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def tile(record: Any, nodes: Any, edge: Any, found: Any) -> Any:
     """The numbers of the cubes that nodes lie in, of ``edge`` to the mesh's size: into ``found``; returns how many."""
     numbers = np.full(edge * edge * edge, -1, np.int32)
@@ -47,7 +47,7 @@ def tile(record: Any, nodes: Any, edge: Any, found: Any) -> Any:
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def link_corners(tri: Any, words: Any, tail: Any) -> None:
     """Make the lists of corners at each node; ``tail`` (N,) is -1 at first."""
     for node in range(tail.shape[0]):
@@ -65,7 +65,7 @@ def link_corners(tri: Any, words: Any, tail: Any) -> None:
             tail[node] = corner
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add_plane(record: Any, node: Any, x: Any, y: Any, z: Any, weight: Any) -> None:
     """The square of the distance from a plane through the node, of unit normal (x, y, z), times a weight."""
     at = SLOTS * node
@@ -77,7 +77,7 @@ def _add_plane(record: Any, node: Any, x: Any, y: Any, z: Any, weight: Any) -> N
     record[at + 5] += weight * z * z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sum_quadrics(tri: Any, record: Any) -> None:
     """Add to the records of each triangle's corners its plane, weighted by a third of the area."""
     for t in range(tri.shape[0] // CORNERS):
@@ -96,7 +96,7 @@ def sum_quadrics(tri: Any, record: Any) -> None:
             _add_plane(record, c, x, y, z, weight)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sum_bends(triangles: Any, numbers: Any, normals: Any, record: Any) -> None:
     """Means of the normals around the nodes ``numbers`` (V,) of vertices, and of how they bend along their triangles.
 
@@ -135,7 +135,7 @@ def sum_bends(triangles: Any, numbers: Any, normals: Any, record: Any) -> None:
                 record[word] /= record[at + AREA]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add_rim(record: Any, node: Any, end: Any, third: Any) -> None:
     """The plane through an edge of the surface, upright on its triangle: leaving it would show."""
     i, k, m = SLOTS * node + PLACE, SLOTS * end + PLACE, SLOTS * third + PLACE
@@ -151,7 +151,7 @@ def _add_rim(record: Any, node: Any, end: Any, third: Any) -> None:
         _add_plane(record, node, x / high, y / high, z / high, length2 / np.float32(2.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def classify(tri: Any, record: Any, words: Any, kind: Any) -> None:
     """What each node is, by the edges opposite to it: one ring inside, one open chain on a rim, else fixed.
 

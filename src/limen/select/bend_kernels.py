@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 MOMENTS = 22
 """Of a region, weighted by area: 1; x (3); x x (6, upper triangle); n (3); x n (9)."""
@@ -13,7 +14,7 @@ MOMENTS = 22
 _STIFF = 1e-4  # of the region's own extent: across a flat region the bend is not known, and taken for none
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def star_moments(triangles, place, normal, sums):
     """Add the moments of all corners of the triangles around each vertex to its row of ``sums`` (N, 22)."""
     own = np.empty(MOMENTS)
@@ -55,7 +56,7 @@ def star_moments(triangles, place, normal, sums):
                 sums[vertex, column] += area * own[column]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def ripples(parent, region, own, ripple2):
     """Mean squares of what the normals below each node are beside those of a surface that bends steadily there.
 
@@ -96,7 +97,7 @@ def ripples(parent, region, own, ripple2):
         weight[node] = total
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _unsteady2(region, node, mean, own, child):
     """The square of what a child's normal differs from the ``mean`` of a node beyond the bend of the node's region."""
     weight = max(region[node, 0], 1e-300)  # what has no area does not bend
@@ -127,7 +128,7 @@ def _unsteady2(region, node, mean, own, child):
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def nest(parent, vertices, radius, ripple, steep, shares, contrasts):
     """Raise ``ripple`` (N - V,) where a node below is seen sooner, to what makes the node seen as soon as that.
 

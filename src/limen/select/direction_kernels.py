@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["cell_entries", "core_erosion", "cores_first", "panel_extents"]
 
@@ -13,13 +14,13 @@ _HORIZON = 1e-6
 _FAR = 1e30
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def _dot(a, b):
     """Of three numbers each; ``@`` calls a library for that."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def panel_extents(planes, cells, corners, corner_count, facing):
     """Extent of every panel on every plane in cells, cut off at the plane's rim, (F, N, 4): x0 y0 x1 y1.
 
@@ -43,7 +44,7 @@ def panel_extents(planes, cells, corners, corner_count, facing):
     return extents
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def _widen(box, here, there):
     """Take a place on a picture plane into an extent, and where the line to the next one leaves for the horizon."""
     if here[2] > _HORIZON:
@@ -58,13 +59,13 @@ def _widen(box, here, there):
             box[axis + 2] = max(box[axis + 2], cut)
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def _place(out, plane, direction):
     for axis in range(3):
         out[axis] = _dot(plane[axis], direction)
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def cell_entries(extents, cells):
     """Panels by cell: where each cell's entries end, and the entries."""
     ends = np.zeros(extents.shape[0] * cells * cells + 1, np.int64)
@@ -92,7 +93,7 @@ def cell_entries(extents, cells):
     return ends, entries
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def core_erosion(ends, entries, extents, cells, edges, corners, depth, corner_count):
     """How far inside each of its edges a panel has to begin so that no other panel reaches into it, pixels: (N, 8).
 
@@ -116,7 +117,7 @@ def core_erosion(ends, entries, extents, cells, edges, corners, depth, corner_co
     return erosion
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def _give_way(erosion, a, b, edges, corners, depth, corner_count):
     best, best_edge = _NO_CORE, 0
     for k in range(corner_count[a]):
@@ -127,7 +128,7 @@ def _give_way(erosion, a, b, edges, corners, depth, corner_count):
     erosion[a, best_edge] += best
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def _intrusion(edge, depth, corners, count):
     """How many pixels inside an edge the polygon of ``corners`` reaches; `_NO_CORE` if no number says it."""
     reach = 0.0
@@ -142,7 +143,7 @@ def _intrusion(edge, depth, corners, count):
     return reach * (1 + 1e-5) + 0.01
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def cores_first(ends, entries, cells, outward, edges, depth, corner_count, erosion):
     """The entries of every cell with those panels first whose core touches it.
 
@@ -172,7 +173,7 @@ def cores_first(ends, entries, cells, outward, edges, depth, corner_count, erosi
     return starts, ends[1:].astype(np.uint32), ordered
 
 
-@njit(cache=True)
+@compiled(error_model="python")
 def _core_touches(around, edges, depth, erosion, count):
     for k in range(count):
         touches = False

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.select.facing import DIRECTIONS
 from limen.select.point_kernels import _is_outside, _least_allowed_m, _lit_range, _pixels, bin_of, code_of, contrast_of
 
@@ -28,7 +28,7 @@ distance, at the gaze and away from it (docs/observer.md)."""
 HIDDEN, INTERIOR, SILHOUETTE = 0, 1, 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def direction_of(x, y, z):
     """The cell of directions, `DIRECTIONS` along a side of a face, that a way lies in: counted as cells of normals."""
     ax, ay, az = abs(x), abs(y), abs(z)
@@ -49,7 +49,7 @@ def direction_of(x, y, z):
     return face * DIRECTIONS * DIRECTIONS + row * DIRECTIONS + column
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def facing_of(mask, row, front, back, x, y, z, sine, spread_sines):
     """`HIDDEN`, `INTERIOR` or `SILHOUETTE`, for a node seen along ``x, y, z``: to the eye, in the mesh's coordinates.
 
@@ -70,7 +70,7 @@ def facing_of(mask, row, front, back, x, y, z, sine, spread_sines):
     return INTERIOR if faces else HIDDEN
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _is_within(x, y, z, sine, cones):
     """Whether a sphere that is seen along ``x, y, z``, of a sine of half its angle, meets any of some cones."""
     length = math.sqrt(x * x + y * y + z * z)
@@ -81,7 +81,7 @@ def _is_within(x, y, z, sine, cones):
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
     """The contrast code of a proxy's light against that of normals within ``spread`` radians of its own.
 
@@ -102,7 +102,7 @@ def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
     return code_of(combined)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
     """The contrast code of light that ripples as normals do, by ``ripple`` radians about a steady bend in the mean.
 
@@ -124,7 +124,7 @@ def ripple_code(code, ripple, nx, ny, nz, x, y, z, light):
     return code_of(amplitude + contrast_of(code))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _change_m(
     x, y, z, reach, nx, ny, nz, code, displacement, spread, ripple, mask, inner, front, back, spread_sines, place,
     normals_in_room, light, shares, by_displacement, openings,
@@ -183,7 +183,7 @@ def _change_m(
     return face, max(seen_m, moved * shares[code])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fold(
     parent, vertices, normal, middle, radius, displacement, contrast, spread, ripple, mask, lost, front, back,
     spread_sines, panels, eyes, place, size, normals_in_room, light, shares, mode, by_displacement, openings, limit,
@@ -282,7 +282,7 @@ def fold(
     return left, asked, largest, widest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def count_left(dies_at, state, begin, end):
     """How many of the triangles ``begin`` to ``end`` are left: those whose node is not folded, nor any above."""
     count = 0
@@ -291,7 +291,7 @@ def count_left(dies_at, state, begin, end):
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def emit(triangles, dies_at, state, begin, end, first, out):
     """Write the corners' proxies of the triangles that are left, from row ``first`` of ``out`` on."""
     row = first
@@ -302,7 +302,7 @@ def emit(triangles, dies_at, state, begin, end, first, out):
             row += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def deaths(triangles, parent, dies_at, lost):
     """The node of every triangle that takes two of its corners together first, into ``dies_at`` (T,); `lost` counts.
 
@@ -336,7 +336,7 @@ def deaths(triangles, parent, dies_at, lost):
         lost[dies_at[triangle]] += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def spreads(triangles, parent, vertices, place, normal, cosine):
     """The smallest cosine between a proxy's normal and any normal in its region, into ``cosine`` (N - V,).
 

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from limen.compiled import compiled
 from limen.geometry import Floats
 
 __all__ = ["Eyes", "Pages", "Panels", "eyes_on_panel", "flat_pairs", "is_drawn", "rect_tolerance"]
@@ -54,7 +54,7 @@ class Pages(NamedTuple):
     begin: float  # where a page begins to be drawn, over its tau
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def rect_tolerance(x0, y0, x1, y1, seen):
     """A lower and an upper bound of the tolerance over a rectangle of a panel's plane; corners in metres.
 
@@ -86,7 +86,7 @@ def rect_tolerance(x0, y0, x1, y1, seen):
     return low * (1.0 - _SLACK), high * (1.0 + _SLACK)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def eyes_on_panel(p, panels, eyes, seen):
     """The eyes in the frame of panel ``p``, one a row.
 
@@ -113,7 +113,7 @@ def eyes_on_panel(p, panels, eyes, seen):
         seen[k, 8] = eyes.per_deg[k]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def is_drawn(pages, level, column, row, finest, low, high):
     """Whether some pixel draws a page, where the tolerance lies from ``low`` to ``high`` texels of full resolution.
 
@@ -128,7 +128,7 @@ def is_drawn(pages, level, column, row, finest, low, high):
     return level <= finest or own == 0.0 or high > own * pages.begin
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _drawn_in(rect, pages, level, column, row, finest, texels, seen):
     """Whether some pixel in a rectangle of the panel (metres) draws a page.
 
@@ -149,7 +149,7 @@ def _drawn_in(rect, pages, level, column, row, finest, texels, seen):
     return False
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def flat_pairs(panels, scale, offset, mip, eyes, pages, image_px, bias, panel_out, page_out, area_out):
     """Every (panel, page) that some pixel needs, for images on the display's surface.
 

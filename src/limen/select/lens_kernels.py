@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from limen.compiled import compiled
 from limen.lens import RIM, STEEP, TO_RIM
 
 __all__ = ["seen_through", "smallest_reach"]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _drop_off(distance, focus, how):
     u = min(max((distance - focus) / (1.0 - focus), 0.0), 1.0)
     if how == 0:
@@ -26,7 +25,7 @@ def _drop_off(distance, focus, how):
     return (math.exp(-STEEP * u * u) - RIM) / (1.0 - RIM)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _cubic(t, tap):
     """The weight of the tap-th of four knots around a place that lies ``t`` behind the second."""
     if tap == 0:
@@ -38,7 +37,7 @@ def _cubic(t, tap):
     return t * t * t / 6.0
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _of_table(row, tables, x, y):
     begin, columns, lines = int(row[8]), int(row[9]), int(row[10])
     at_x, at_y = (x + 1.0) / 2.0 * (columns - 1), (y + 1.0) / 2.0 * (lines - 1)
@@ -54,7 +53,7 @@ def _of_table(row, tables, x, y):
     return total * _drop_off(max(abs(x), abs(y)), TO_RIM, 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def seen_through(rows, tables, x, y):
     """The texel seen at a place of the display, through all lenses."""
     for k in range(rows.shape[0] - 1, -1, -1):
@@ -72,7 +71,7 @@ def seen_through(rows, tables, x, y):
     return x, y
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def smallest_reach(rows, x0, y0, x1, y1):
     """The smallest radius of all lenses that reach into a rectangle of the display; infinite if none does."""
     smallest = math.inf

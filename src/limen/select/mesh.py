@@ -23,12 +23,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.machine import worker_count
 from limen.data.normal_masks import ALL_CELLS
 from limen.data.tree_node_kernels import add_up
 from limen.data.vertex_tree import VertexTree
 from limen.errors import InputError
 from limen.geometry import Floats
+from limen.machine import worker_count
 from limen.select.bend_kernels import MOMENTS, nest, ripples, star_moments
 from limen.select.facing import SPREAD_SINES, facing_masks
 from limen.select.fold_kernels import CREST, count_left, deaths, emit, fold, spreads

@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from limen.compiled import compiled
 from limen.data.point_nodes import ALL_AROUND, CHUNK_LEVEL, FAN, LEVEL_BEGIN
 from limen.vision.acuity import GAZE_PER_DEG
 from limen.vision.motion import DRIFT_DEG_S, FASTEST_DEG_S, KELLY_DEG_S, MOST_DEG_S, PURSUIT_GAIN
@@ -38,7 +38,7 @@ _BEGIN = np.array(LEVEL_BEGIN, np.int64)
 _CODE_STEP = math.log(1000.0) / 254.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _motion_scale(x, y, z, dx, dy, dz, away, radius, row, farther):
     """`limen.vision.motion.motion_scale` of the slowest place of a sphere.
 
@@ -63,7 +63,7 @@ def _motion_scale(x, y, z, dx, dy, dz, away, radius, row, farther):
     return math.sqrt((retinal + KELLY_DEG_S) / (DRIFT_DEG_S + KELLY_DEG_S))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _least_allowed_m(x, y, z, radius, eyes):
     """The largest length that nobody sees at the nearest place of a sphere."""
     least = math.inf
@@ -84,7 +84,7 @@ def _least_allowed_m(x, y, z, radius, eyes):
     return least
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _is_outside(x, y, z, radius, panel):
     for edge in range(8):
         if panel[3 * edge] * x + panel[3 * edge + 1] * y + panel[3 * edge + 2] * z < -radius:
@@ -92,14 +92,14 @@ def _is_outside(x, y, z, radius, panel):
     return panel[24] * x + panel[25] * y + panel[26] * z < -radius
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _pixels(x, y, z, radius, panel):
     """The diameter of a sphere on the panel, as it is nearest."""
     deep = panel[24] * x + panel[25] * y + panel[26] * z - radius
     return math.inf if deep <= 0.0 else 2.0 * radius * panel[27] / deep
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _lit_range(cosine, spread, two_sided):
     """Least and largest of a cosine over directions up to ``spread`` radians around one of that cosine."""
     angle = math.acos(min(max(cosine, -1.0), 1.0))
@@ -112,13 +112,13 @@ def _lit_range(cosine, spread, two_sided):
     return max(low, 0.0), max(high, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def contrast_of(code):
     """As `limen.vision.grades.CONTRAST_OF_CODE` has it."""
     return 0.0 if code == 0 else 0.001 * math.exp((code - 1) * _CODE_STEP)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def code_of(contrast):
     """The smallest code that is no less than a contrast; the largest for all beyond 1."""
     if contrast <= 0.001:
@@ -126,7 +126,7 @@ def code_of(contrast):
     return math.ceil(math.log(min(contrast, 1.0) / 0.001) / _CODE_STEP - 1e-9) + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _lit_code(code, nx, ny, nz, half, toward, margin, light):
     """The contrast code of a node whose normals are lit differently: half by the fixed light, half by the viewer's."""
     direct = nx * light[0] + ny * light[1] + nz * light[2]
@@ -144,7 +144,7 @@ def _lit_code(code, nx, ny, nz, half, toward, margin, light):
     return code_of(combined)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _normal(u, v):
     """Unit vector of an octahedral code, see `limen.data.point_nodes.unpacked_normal`."""
     x, y = u / 127.0, v / 127.0
@@ -156,7 +156,7 @@ def _normal(u, v):
     return x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def judged(x, y, z, radius, u, v, cone, code, panel, eyes, place, size, light, shares, mode, two_sided):
     """Whether a sphere is to be skipped, and its ``k``; negative: it is skipped.
 
@@ -193,7 +193,7 @@ def judged(x, y, z, radius, u, v, cone, code, panel, eyes, place, size, light, s
     return pixels if allowed <= 0.0 else min(pixels, seen / allowed)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def bin_of(k):
     """Which of `BINS` logarithmic bins a ``k`` falls into: bin ``b`` holds what is above ``2 ** (b / 8 - 8)``."""
     if k <= 2.0**LOWEST_OCTAVE:
@@ -203,7 +203,7 @@ def bin_of(k):
     return min(BINS - 1, max(0, math.ceil((math.log2(k) - LOWEST_OCTAVE) * BINS_PER_OCTAVE) - 1))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def cut_tops(
     level_first, level_count, root, places, radii, small, panel, eyes, place, size, light, shares, mode, two_sided,
     limit, slots, drawn, opened, opened_k, wanted_k, histogram,
@@ -281,7 +281,7 @@ def cut_tops(
     return draws, opens, visits, largest, widest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def cut_chunks(
     chunks, chunk_k, begin, end, slots, points, origins, steps, largest_radii, radius_of_code, words, panel, eyes,
     place, size, light, shares, mode, two_sided, limit, drawn, histogram,

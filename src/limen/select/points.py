@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.machine import worker_count
 from limen.data.point_nodes import radius_of_code
 from limen.errors import InputError
 from limen.geometry import Floats
+from limen.machine import worker_count
 from limen.select.lighting import AMBIENT, TOWARD_LIGHT
 from limen.select.panes import budget_limit, eye_rows, panel_rows
 from limen.select.point_kernels import BINS, cut_chunks, cut_tops

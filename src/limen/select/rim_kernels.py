@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["BORDER_FIRST", "LINE", "RIM_FIRST", "SLOT_COLUMNS", "fan_rims"]
 
@@ -14,7 +15,7 @@ SLOT_COLUMNS = 14
 _BITS = 28  # posts of a terrain along either side
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _line_key(side, line, beyond):
     """A border line, and from which side of it: sorts sides so that those face each other that differ in one bit.
 
@@ -25,7 +26,7 @@ def _line_key(side, line, beyond):
     return (((axis << _BITS) | line) << 1) | (after ^ beyond)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _sides_by_line(slot_of, first, last, slots, border):
     """The sides of a panel's pairs, sorted along their lines: keys, and four times pair plus side."""
     keys = np.empty(4 * (last - first), np.int64)
@@ -38,7 +39,7 @@ def _sides_by_line(slot_of, first, last, slots, border):
     return keys[order], order
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _first_above(border, begin, end, position):
     """The first border vertex of a range that lies farther along than a position."""
     while begin < end:
@@ -50,14 +51,14 @@ def _first_above(border, begin, end, position):
     return begin
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _emit(out, count, apex, low, high, turned):
     out[count, 0] = apex
     out[count, 1], out[count, 2] = (high, low) if turned else (low, high)
     return count + 1
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def fan_rims(pair_first, slot_of, slots, rims, border, out, panel_first):
     """All rim triangles of every panel's pairs as fans, one panel after the other.
 

@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from limen.compiled import compiled
 from limen.geometry import Floats
 from limen.select.kernels import eyes_on_panel, is_drawn, rect_tolerance
 from limen.select.lens_kernels import seen_through, smallest_reach
@@ -56,7 +56,7 @@ class Shape(NamedTuple):
     tables: Floats
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _shape_texel(shape, x, y, z):
     """The texel behind a room position: (hit, u, v)."""
     if shape.kind == SURFACE:
@@ -92,12 +92,12 @@ def _shape_texel(shape, x, y, z):
     return hit, u * shape.image_px[0], v * shape.image_px[1]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _wrapped(difference, period):
     return difference - period * round(difference / period) if period > 0.0 else difference
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _footprint_level(shape, position, across, below, u, v):
     """``log2 A`` at a room position, by the differences to the pixels to the right and below."""
     _, u1, v1 = _shape_texel(shape, position[0] + across[0], position[1] + across[1], position[2] + across[2])
@@ -107,7 +107,7 @@ def _footprint_level(shape, position, across, below, u, v):
     return math.log2(max(max(a, b), 1e-30)) + 1e-3
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _survey(shape, origin, across, below, x0, y0, x1, y1):
     """Nine pixels of a cell: hits, the range of log2 A, and the box of texels (u relative to an anchor)."""
     hits, finest, coarsest = 0, math.inf, -math.inf
@@ -134,7 +134,7 @@ def _survey(shape, origin, across, below, x0, y0, x1, y1):
     return hits, finest, coarsest, anchor + u_low, anchor + u_high, v_low, v_high
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _add_box(shape, pages, level, box, area, finest, low, high, coverage):
     """Count ``area`` pixels for every page of a level that a box of texels touches and that is drawn."""
     u_low, u_high, v_low, v_high = box
@@ -158,7 +158,7 @@ def _add_box(shape, pages, level, box, area, finest, low, high, coverage):
                 coverage[pages.first[level] + r * columns + c % columns] += area
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverage):
     """Count a cell's pages, or say False: it must be cut."""
     x0, y0, x1, y1 = cell[0], cell[1], cell[2], cell[3]
@@ -195,13 +195,13 @@ def _visit(shape, pages, origin, across, below, cell, pitch, seen, bias, coverag
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _floor_log2(value):
     """The exponent of a tolerance; 0 below 1."""
     return math.frexp(value)[1] - 1 if value >= 1.0 else 0
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def shape_pages(panels, ways, shape, pages, eyes, places, bias, coverage):
     """Adds to ``coverage`` (one entry a page) the pixels that need each page of a bent image.
 
@@ -227,7 +227,7 @@ def shape_pages(panels, ways, shape, pages, eyes, places, bias, coverage):
                 depth = _cut_cell(cell, stack, depth)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _cut_cell(cell, stack, depth):
     """Push a cell's halves (or quarters) on the stack; returns the new depth."""
     x0, y0, x1, y1 = cell

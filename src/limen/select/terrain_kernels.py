@@ -6,8 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from limen.compiled import compiled
 
 __all__ = ["Grid", "Tree", "error_px", "finest_demand_m", "nearest_w", "permitted_m", "walk", "wanted_pages"]
 
@@ -38,7 +39,7 @@ class Grid(NamedTuple):
     first: NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _spread(form, box):
     """Value of a form in the middle of a box, and how much it differs from that at the most."""
     middle, reach = form[3], 0.0
@@ -48,7 +49,7 @@ def _spread(form, box):
     return middle, reach
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def nearest_w(box, p, forms):
     """Smallest w over a box (column, row, height from and to), and over what panel ``p`` sees of it.
 
@@ -71,7 +72,7 @@ def nearest_w(box, p, forms):
     return least, max(least, math.sqrt(square) * forms.cosine[p], forms.near[p])
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def error_px(error_m, p, forms, least, seen):
     """How many pixels of panel ``p`` an error of height reaches at most; ``least`` and ``seen`` from `nearest_w`."""
     if error_m <= 0.0:
@@ -80,7 +81,7 @@ def error_px(error_m, p, forms, least, seen):
     return min(error_m * forms.px_per_m[p] / w, _MOST_PX)
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def permitted_m(allowed_px, p, forms, least, seen):
     """The largest error of height whose `error_px` is no more than allowed."""
     per_m = max(forms.px_per_m[p], 1e-300)
@@ -90,13 +91,13 @@ def permitted_m(allowed_px, p, forms, least, seen):
     return permitted * _ALMOST_ONE
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _box_of(n, tree, box):
     box[0], box[1], box[2] = tree.rect[n, 0], tree.rect[n, 1], tree.low_high_m[n, 0]
     box[3], box[4], box[5] = tree.rect[n, 2], tree.rect[n, 3], tree.low_high_m[n, 1]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _chosen(n, tree, available, permitted):
     """The coarsest patch that is there and fine enough, else the finest that is there, else -1; and whether it is."""
     finest = -1
@@ -108,7 +109,7 @@ def _chosen(n, tree, available, permitted):
     return finest, False
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _seen_children(n, p, tree, forms, available, box, seen_of):
     """Whether a node can be left for its children: there are some, and of each that panel ``p`` sees a patch is there.
 
@@ -131,7 +132,7 @@ def _seen_children(n, p, tree, forms, available, box, seen_of):
     return some
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def finest_demand_m(tree, forms, drawn, allowed_px, scale):
     """The smallest error that any leaf seen by each panel permits, metres of height, shape (N,); infinite for none.
 
@@ -165,7 +166,7 @@ def finest_demand_m(tree, forms, drawn, allowed_px, scale):
     return demand
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _longer(values):
     longer = np.empty((2 * len(values), values.shape[1]))
     for row in range(len(values)):
@@ -174,7 +175,7 @@ def _longer(values):
     return longer
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def walk(tree, forms, drawn, allowed_px, scale, level_m, available):
     """The cut of every panel that is ``drawn``.
 
@@ -237,7 +238,7 @@ def walk(tree, forms, drawn, allowed_px, scale, level_m, available):
     return pairs[:count], importance
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def wanted_pages(pair_panel, pair_box, forms, grid, page, tolerance_px, allowed_px, hides_faint, tau, importance):
     """Marks every page that some pixel of a pair asks for: see `limen.select.terrain_pages.pages_for_terrain`.
 

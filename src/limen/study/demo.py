@@ -16,7 +16,6 @@ from PIL import Image as Picture
 
 from limen.data import ingest, sample_image
 from limen.data.image import Image
-from limen.data.machine import cache_folder, place_in_cache
 from limen.data.opening import open_picture
 from limen.data.partial import write_bytes
 from limen.display.display import Display
@@ -24,6 +23,7 @@ from limen.errors import NeedsIngestError
 from limen.frame import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
+from limen.machine import cache_folder, place_in_cache
 from limen.placement import Fit, OnSurface
 from limen.present.file import write_picture
 from limen.present.room import draw_room, draw_surface

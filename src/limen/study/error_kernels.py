@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
+from limen.compiled import compiled
 
 __all__ = ["fan_out", "measure_residuals"]
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def _span(at: Any, step: Any, first: Any, last: Any) -> Any:
     """Columns ``first ... last`` in which ``at + column * step >= 0``."""
     if step > 0:
@@ -24,7 +24,7 @@ def _span(at: Any, step: Any, first: Any, last: Any) -> Any:
     return first, last
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def measure_residuals(heights: Any, triangles: Any, residuals: Any) -> None:
     """Surface less height at every post that a triangle holds, its edges included; where several do, the worst.
 
@@ -55,7 +55,7 @@ def measure_residuals(heights: Any, triangles: Any, residuals: Any) -> None:
                     residuals[y, x] = residual
 
 
-@njit(cache=True, nogil=True)
+@compiled(error_model="python")
 def fan_out(rims: Any, on_border: Any, triangles: Any) -> int:
     """Rims (apex, a, b) with all vertices that lie on their edges, as fans about their apexes; how many these are.
 

@@ -6,8 +6,6 @@ by the square of what eccentricity adds to the acuity where the gaze is made use
 hold no more than their pixels and texels.
 """
 
-# mypy: disallow-untyped-decorators=False
-
 from __future__ import annotations
 
 import math
@@ -15,10 +13,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from limen.geometry import Floats
 from limen.select.image import View
+from limen.study.resolvable_kernels import sum_demands
 from limen.tolerance import Tolerance
 from limen.vision.resolution import ECCENTRICITY_PER_DEG
 
@@ -75,41 +73,5 @@ def resolvable_samples(places: Places, tolerances: Sequence[Tolerance]) -> Float
     finest = np.array([1 / np.square(tolerance.tan_angle) for tolerance in tolerances])
     gaze = np.array([tolerance.gaze for tolerance in tolerances])
     slack = np.array([tolerance.slack_deg for tolerance in tolerances])
-    _sum(*places, np.ascontiguousarray(tolerances[0].eyes_m), finest, gaze, slack, ECCENTRICITY_PER_DEG, out)
+    sum_demands(*places, np.ascontiguousarray(tolerances[0].eyes_m), finest, gaze, slack, ECCENTRICITY_PER_DEG, out)
     return out
-
-
-@njit(cache=True, nogil=True)
-def _sum(
-    position: Floats,
-    normal: Floats,
-    area: Floats,
-    most: Floats,
-    eyes: Floats,
-    per_tan2: Floats,
-    gaze: Floats,
-    slack_deg: Floats,
-    per_deg: float,
-    out: Floats,
-) -> None:
-    seen = np.empty(len(eyes))
-    sight = np.empty((len(eyes), 3))
-    for q in range(len(area)):
-        for k in range(len(eyes)):
-            x = eyes[k, 0] - position[q, 0]
-            y = eyes[k, 1] - position[q, 1]
-            z = eyes[k, 2] - position[q, 2]
-            square = max(x * x + y * y + z * z, 1e-12)
-            height = max(0.0, x * normal[q, 0] + y * normal[q, 1] + z * normal[q, 2])
-            seen[k] = height / (square * math.sqrt(square))
-            sight[k] = -x / math.sqrt(square), -y / math.sqrt(square), -z / math.sqrt(square)
-        for a in range(len(out)):
-            demand = 0.0
-            for k in range(len(eyes)):
-                coarser = 1.0
-                if gaze[a, k, 0] != 0.0 or gaze[a, k, 1] != 0.0 or gaze[a, k, 2] != 0.0:
-                    ahead = sight[k, 0] * gaze[a, k, 0] + sight[k, 1] * gaze[a, k, 1] + sight[k, 2] * gaze[a, k, 2]
-                    beside = math.degrees(math.acos(min(max(ahead, -1.0), 1.0))) - slack_deg[a, k]
-                    coarser += per_deg * max(beside, 0.0)
-                demand = max(demand, seen[k] * per_tan2[a, k] / (coarser * coarser))
-            out[a] += min(demand, most[q]) * area[q]

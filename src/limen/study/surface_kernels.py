@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from limen.compiled import compiled
 
 __all__ = ["fill_grid", "nearest_squared"]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _to_edge(x: Any, y: Any, z: Any, ex: Any, ey: Any, ez: Any) -> Any:
     """Square of the distance of (x, y, z) from the line from 0 to (ex, ey, ez)."""
     length2 = ex * ex + ey * ey + ez * ez
@@ -20,7 +21,7 @@ def _to_edge(x: Any, y: Any, z: Any, ex: Any, ey: Any, ez: Any) -> Any:
     return x * x + y * y + z * z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _to_triangle(points: Any, p: Any, places: Any, a: Any, b: Any, c: Any) -> Any:
     """Square of the distance: from the plane if the foot lies inside, else from the nearest edge."""
     x, y, z = points[p, 0] - places[a, 0], points[p, 1] - places[a, 1], points[p, 2] - places[a, 2]
@@ -38,7 +39,7 @@ def _to_triangle(points: Any, p: Any, places: Any, a: Any, b: Any, c: Any) -> An
     return min(nearest, _to_edge(x - ux, y - uy, z - uz, vx - ux, vy - uy, vz - uz))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cells(places: Any, triangle: Any, low: Any, cell: Any, count: Any, ends: Any) -> None:
     """First and last cell along each axis that the box of a triangle meets, into ``ends`` (6,)."""
     for axis in range(3):
@@ -47,7 +48,7 @@ def _cells(places: Any, triangle: Any, low: Any, cell: Any, count: Any, ends: An
         ends[3 + axis] = min(max(int((max(a, b, c) - low[axis]) / cell), 0), count[axis] - 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def fill_grid(places: Any, triangles: Any, low: Any, cell: Any, count: Any, starts: Any, members: Any) -> None:
     """Which triangles meet which cube: those of cell c are ``members[starts[c]:starts[c + 1]]``.
 
@@ -71,7 +72,7 @@ def fill_grid(places: Any, triangles: Any, low: Any, cell: Any, count: Any, star
             starts[at] += starts[at - 1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def nearest_squared(
     points: Any, places: Any, triangles: Any, low: Any, cell: Any, count: Any, starts: Any, members: Any, found: Any
 ) -> None:
