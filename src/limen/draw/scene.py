@@ -204,13 +204,7 @@ class SceneLayer:
         return self._targets.read(texture)
 
     def read_depth(self, windows: Windows) -> NDArray[np.float32]:
-        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits.
-
-        Raises
-        ------
-        DeviceLimitError
-            On OpenGL, which does not give depth away.
-        """
+        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits."""
         return self._targets.read_depth((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]))
 
     def destroy(self) -> None:

@@ -263,13 +263,7 @@ class TerrainLayer:
         return self._targets.read(texture)
 
     def read_depth(self, windows: Windows) -> NDArray[np.float32]:
-        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits.
-
-        Raises
-        ------
-        DeviceLimitError
-            On OpenGL, which does not give depth away.
-        """
+        """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits."""
         return self._targets.read_depth((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]))
 
     def destroy(self) -> None:
@@ -362,12 +356,13 @@ class TerrainLayer:
     def _record_picture(
         self, encoder: Any, pipeline: Any, group: Any, depth: Any, colour: list[dict[str, Any]], views: list[int]
     ) -> None:
-        """Colour the pixels of every panel whose depth was drawn; others fail the depth test."""
+        """Colour the pixels of every panel whose depth was drawn.
+
+        Depth is bound and not attached: OpenGL refuses a texture that is both, even where it is only read.
+        """
         entries = [{"binding": 0, "resource": depth}]
         depths = self._device.wgpu.create_bind_group(layout=self._pipelines.depth_layout, entries=entries)
-        render_pass = encoder.begin_render_pass(
-            color_attachments=colour, depth_stencil_attachment={"view": depth, "depth_read_only": True}
-        )
+        render_pass = encoder.begin_render_pass(color_attachments=colour)
         render_pass.set_pipeline(pipeline)
         render_pass.set_bind_group(1, depths)
         for view in views:

@@ -145,7 +145,6 @@ fn vertex(in: Vertex) -> CutVaryings {
 @vertex
 fn outline(@builtin(vertex_index) number: u32) -> @builtin(position) vec4<f32> {
     let side = number % 3u;
-    // At depth 0: before nothing, and behind all that is drawn.
     return view.corners[select(number / 3u + side, 0u, side == 0u)];
 }
 
@@ -366,6 +365,9 @@ fn step(before: f32, here: f32, after: f32) -> f32 {
 fn picture(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(position.xy);
     let depth = depth_at(pixel);
+    if depth <= 0.0 {
+        discard;
+    }
     let right = step(depth_at(pixel - vec2(1, 0)), depth, depth_at(pixel + vec2(1, 0))) / depth;
     let down = step(depth_at(pixel - vec2(0, 1)), depth, depth_at(pixel + vec2(0, 1))) / depth;
     let way = view.way.xyz + position.x * view.way_right.xyz + position.y * view.way_down.xyz;
@@ -409,6 +411,24 @@ fn cut_solid(in: CutVaryings) {
     if is_hole(surface(in.place)) || is_cut(in) {
         discard;
     }
+}
+
+// On OpenGL, whose clip space is from -w to w: wgpu makes z of it by 2 z - w, so that of a depth near 0, which is what
+// counts far away, only the first of 24 bits are left. So the depth is computed once more. position.w is 1 / w here.
+@fragment
+fn deep(in: Varyings) -> @builtin(frag_depth) f32 {
+    if is_hole(surface(in.place)) {
+        discard;
+    }
+    return view.near * in.position.w;
+}
+
+@fragment
+fn cut_deep(in: CutVaryings) -> @builtin(frag_depth) f32 {
+    if is_hole(surface(in.place)) || is_cut(in) {
+        discard;
+    }
+    return view.near * in.position.w;
 }
 
 @fragment

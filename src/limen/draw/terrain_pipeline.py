@@ -11,7 +11,7 @@ from limen.draw import terrain_records as records
 from limen.draw.terrain_look import COLOURS, Colours
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
-from limen.gpu.targets import DEPTH_FORMAT
+from limen.gpu.targets import DEPTH_FORMAT, SAMPLED_DEPTH
 
 __all__ = ["BINDINGS", "OUTLINE_VERTICES", "TerrainOverlay", "TerrainPipelines"]
 
@@ -51,16 +51,17 @@ class TerrainPipelines:
         self._fragments = load_shader(device, "limen.draw", "terrain.wgsl")
         self._vertices = load_shader(device, "limen.draw", "terrain_clip.wgsl") if self._clips else self._fragments
         self.layout = self._bind_group_layout()
-        depth = {"sample_type": "unfilterable-float", "view_dimension": "2d"}
         self.depth_layout = device.wgpu.create_bind_group_layout(
-            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": depth}]
+            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": SAMPLED_DEPTH}]
         )
         self._made: dict[tuple[Any, ...], Any] = {}
 
     def depth(self) -> Any:
         """Draws triangles into depth alone."""
-        bare = self._clips and not self._holes
-        fragment = None if bare else self._fragment("solid" if self._clips else "cut_solid", {}, [])
+        exact = not self._device.is_opengl
+        bare = self._clips and not self._holes and exact
+        entry = ("" if self._clips else "cut_") + ("solid" if exact else "deep")
+        fragment = None if bare else self._fragment(entry, {}, [])
         return self._kept(("depth",), "bare_vertex" if bare else "vertex", fragment)
 
     def patches(self, target_format: str, colours: Colours, *, contours: bool) -> Any:
@@ -84,7 +85,6 @@ class TerrainPipelines:
                 layout=self._layout([self.layout, self.depth_layout]),
                 vertex={"module": self._fragments, "entry_point": "outline", "buffers": []},
                 primitive={"topology": "triangle-list"},
-                depth_stencil={"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "less"},
                 fragment=self._fragment("picture", constants, [{"format": target_format}]),
             )
         return self._made[key]

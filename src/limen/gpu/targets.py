@@ -8,14 +8,17 @@ import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
-from limen.errors import DeviceLimitError
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
+from limen.gpu.shader import load_shader
 
-__all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "Targets"]
+__all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "SAMPLED_DEPTH", "Targets"]
 
 QUILT_FORMAT = "rgba8unorm-srgb"
 DEPTH_FORMAT = "depth32float"
+SAMPLED_DEPTH = {"sample_type": "unfilterable-float", "view_dimension": "2d"}
+"""How a shader sees it: as ``texture_2d<f32>``, because on OpenGL wgpu loads no texels of a ``texture_depth_2d``."""
+_BITS_FORMAT = "r32uint"
 
 
 class Targets:
@@ -43,15 +46,34 @@ class Targets:
     def read_depth(self, size_px: tuple[int, int]) -> NDArray[np.float32]:
         """The depth of the last draw of this size, shape (H, W): 1 is near, 0 nothing; waits.
 
-        Raises
-        ------
-        DeviceLimitError
-            On OpenGL, which does not give depth away.
+        Its bits are drawn into a texture of whole numbers: OpenGL copies no depth, and draws no r32float.
         """
-        try:
-            return self._reader.read(self.texture(size_px, DEPTH_FORMAT)).view(np.float32)[..., 0]
-        except wgpu.GPUValidationError:
-            raise DeviceLimitError(f"{self._device.adapter_name} cannot read depth back: use a Vulkan driver") from None
+        device = self._device.wgpu
+        depth, bits = self.texture(size_px, DEPTH_FORMAT), self.texture(size_px, _BITS_FORMAT)
+        layout = device.create_bind_group_layout(
+            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": SAMPLED_DEPTH}]
+        )
+        group = device.create_bind_group(layout=layout, entries=[{"binding": 0, "resource": depth.create_view()}])
+        encoder = device.create_command_encoder(label="read depth")
+        render_pass = encoder.begin_render_pass(
+            color_attachments=[{"view": bits.create_view(), "load_op": "clear", "store_op": "store"}]
+        )
+        render_pass.set_pipeline(self._bits_pipeline(layout))
+        render_pass.set_bind_group(0, group)
+        render_pass.draw(3)
+        render_pass.end()
+        device.queue.submit([encoder.finish()])
+        return self._reader.read(bits).view(np.float32)[..., 0]
+
+    def _bits_pipeline(self, layout: Any) -> Any:
+        module = load_shader(self._device, "limen.gpu", "depth.wgsl")
+        return self._device.wgpu.create_render_pipeline(
+            label="read depth",
+            layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[layout]),
+            vertex={"module": module, "entry_point": "whole"},
+            primitive={"topology": "triangle-list"},
+            fragment={"module": module, "entry_point": "bits", "targets": [{"format": _BITS_FORMAT}]},
+        )
 
     def destroy(self) -> None:
         for texture in self._textures.values():
