@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
 
 from limen.errors import NoAdapterError
 from limen.gpu.device import open_device
+from limen.gpu.targets import DEPTH_FORMAT, Targets
 from processes import PYTHON, finished
 
 _NOWHERE = {
@@ -43,3 +46,51 @@ def test_without_any_driver_there_is_an_exception_with_a_cure() -> None:
     assert done.returncode == 0
     assert done.stdout.startswith("NoAdapterError no graphics adapter was found: ")
     assert done.stdout.count("\n") == 1
+
+
+def _drawn_depth(device: Any) -> float:
+    """What a triangle reads of a depth that was cleared to a quarter; 0 where it was not drawn."""
+    targets = Targets(device)
+    size_px = (16, 16)
+    encoder = device.wgpu.create_command_encoder()
+    cleared = {"depth_clear_value": 0.25, "depth_load_op": "clear", "depth_store_op": "store"}
+    depth = targets.texture(size_px, DEPTH_FORMAT).create_view()
+    encoder.begin_render_pass(color_attachments=[], depth_stencil_attachment={"view": depth, **cleared}).end()
+    device.wgpu.queue.submit([encoder.finish()])
+    read = targets.read_depth(size_px)
+    targets.destroy()
+    assert np.ptp(read) == 0
+    return float(read[0, 0])
+
+
+@pytest.mark.gpu
+def test_devices_beside_each_other_and_one_after_another_all_draw(device: Any) -> None:
+    """On OpenGL they are in one context; what one of them ends must not be the others' end."""
+    for _ in range(2):
+        with open_device() as beside:
+            assert (_drawn_depth(device), _drawn_depth(beside)) == (0.25, 0.25)
+        beside.destroy()  # a second time, which must not count
+        del beside
+        gc.collect()  # wgpu frees a device when nobody holds it any more
+        assert _drawn_depth(device) == 0.25
+
+
+@pytest.mark.gpu
+def test_the_last_that_gives_a_device_back_ends_it() -> None:
+    """In a process of its own, where nobody else holds one."""
+    code = (
+        "from limen.gpu import device\n"
+        "first, second = device.open_device(), device.open_device()\n"
+        "assert (first.wgpu is second.wgpu) == first.is_opengl\n"
+        "first.destroy(); first.destroy()\n"
+        "second.wait()\n"
+        "second.destroy()\n"
+        "assert not device._shared\n"
+        "third = device.open_device(); third.wait()\n"
+        "assert third.wgpu is not second.wgpu\n"
+        "fourth = device.open_device(); del third; fourth.wait(); fourth.destroy()\n"
+        "assert not device._shared\n"
+        "print('ended')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "ended\n", done.stderr

@@ -31,7 +31,9 @@ __all__ = ["METHODS", "SHAPES", "PointsLayer", "PointsOverlay", "Shape", "SplatM
 
 SplatMethod: TypeAlias = Literal["wide", "narrow", "quads"]
 METHODS: tuple[SplatMethod, ...] = get_args(SplatMethod)
-"""How the nearest splat of a pixel is found: 64-bit atomics, 32-bit atomics in two passes, quads and the depth test."""
+"""How the nearest splat of a pixel is found: 64-bit atomics, 32-bit atomics in two passes, quads and the depth test.
+
+On OpenGL ``quads`` is drawn as ``narrow`` where the adapter cannot hold all that is placed at once."""
 
 Shape: TypeAlias = Literal["round", "square"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
@@ -216,7 +218,9 @@ class PointsLayer:
         if not ends[-1]:
             return
         counts = np.diff([0, *ends]).tolist()
-        if self.method == "quads":
+        # On OpenGL a later shader's writing does not wait for a draw that reads, and `placed` is written once a batch.
+        narrow = len(counts) > 1 and self._device.is_opengl
+        if self.method == "quads" and not narrow:
             self._draw_quads(encoder, size, counts)
         elif self.method == "wide":
             for batch, count in enumerate(counts):

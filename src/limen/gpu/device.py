@@ -1,12 +1,19 @@
-"""The graphics adapter, opened once by whoever starts a program and passed to everything that draws."""
+"""The graphics adapter, opened once by whoever starts a program and passed to everything that draws.
+
+OpenGL has one context a process, and wgpu's devices of one adapter are all in it. Each binds its vertex array when it
+is made, and only then; when the device that was made last is freed, nothing is bound, and what the others draw is black
+without a word. So all that open an OpenGL adapter share one device of wgpu's, which ends with the last of them. The
+adapters of Vulkan, Metal and DirectX give everybody a device of their own.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import tempfile
+import weakref
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import wgpu
 
@@ -28,7 +35,7 @@ _WANTED_LIMITS = (
 """Limits asked for as large as the adapter has them; without asking, WebGPU grants its small defaults."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Device:
     """An opened adapter and what limen needs to know of it.
 
@@ -50,6 +57,9 @@ class Device:
         Vertex stages may clip by distances.
     has_wide_atomics
         Shaders may take the largest of 64-bit numbers atomically.
+    is_opengl
+        wgpu reaches the adapter through OpenGL: buffers that a draw reads must not be overwritten by a shader after it
+        (see `limen.draw.points`), and ``wgpu`` may be shared with other devices of this process.
     """
 
     wgpu: Any
@@ -60,6 +70,7 @@ class Device:
     is_software: bool
     can_clip: bool = False
     has_wide_atomics: bool = False
+    is_opengl: bool = False
 
     def wait(self) -> None:
         """Until everything that was submitted is done: what is read comes after it."""
@@ -69,7 +80,9 @@ class Device:
         mark.destroy()
 
     def destroy(self) -> None:
-        self.wgpu.destroy()
+        """Give it back. What was made from it is freed by its owners, before: others may go on with ``wgpu``."""
+        if not _is_held_by_others(self):
+            self.wgpu.destroy()
 
     def __enter__(self) -> Device:
         return self
@@ -94,16 +107,11 @@ def open_device(*, prefer: str | None = None) -> Device:
     """
     _private_runtime_folder()
     adapter = _adapter(prefer)
-    offered = adapter.limits
-    wanted = {name: offered[name] for name in _WANTED_LIMITS if name in offered}
-    try:
-        features = [_CLIP] if _CLIP in adapter.features else []
-        features += _WIDE if set(_WIDE) <= set(adapter.features) else ()
-        device = adapter.request_device_sync(label="limen", required_limits=wanted, required_features=features)
-    except RuntimeError as error:
-        raise NoAdapterError(f"{adapter.summary} could not be opened: {_one_line(error)}") from None
-    limits = device.limits
-    return Device(
+    is_opengl = adapter.info["backend_type"] == "OpenGL"
+    shared = _shared.get(adapter.summary)
+    device = _requested(adapter) if shared is None else shared.wgpu
+    limits, features = device.limits, device.features
+    opened = Device(
         wgpu=device,
         adapter_name=adapter.summary,
         max_texture_px=limits["max-texture-dimension-2d"],
@@ -111,8 +119,46 @@ def open_device(*, prefer: str | None = None) -> Device:
         max_binding_bytes=limits["max-storage-buffer-binding-size"],
         is_software=adapter.info["adapter_type"] == "CPU",
         can_clip=_CLIP in features,
-        has_wide_atomics=_WIDE[0] in features,
+        has_wide_atomics=set(_WIDE) <= set(features),
+        is_opengl=is_opengl,
     )
+    if is_opengl:
+        _shared.setdefault(adapter.summary, _Shared(device, weakref.WeakSet())).holders.add(opened)
+    return opened
+
+
+class _Shared(NamedTuple):
+    """A device of wgpu's, and whoever opened it and has not given it back."""
+
+    wgpu: Any
+    holders: weakref.WeakSet[Device]
+
+
+_shared: dict[str, _Shared] = {}
+"""By the adapter's name. No more is global than OpenGL's own context is; see the head of this file."""
+
+
+def _is_held_by_others(device: Device) -> bool:
+    """Strike a device off those that share; whether any is left."""
+    shared = _shared.get(device.adapter_name)
+    if shared is None or shared.wgpu is not device.wgpu:
+        return False
+    shared.holders.discard(device)
+    if shared.holders:
+        return True
+    del _shared[device.adapter_name]
+    return False
+
+
+def _requested(adapter: Any) -> Any:
+    offered = adapter.limits
+    wanted = {name: offered[name] for name in _WANTED_LIMITS if name in offered}
+    features = [_CLIP] if _CLIP in adapter.features else []
+    features += _WIDE if set(_WIDE) <= set(adapter.features) else ()
+    try:
+        return adapter.request_device_sync(label="limen", required_limits=wanted, required_features=features)
+    except RuntimeError as error:
+        raise NoAdapterError(f"{adapter.summary} could not be opened: {_one_line(error)}") from None
 
 
 def _adapter(prefer: str | None) -> Any:
