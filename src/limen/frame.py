@@ -63,6 +63,8 @@ class FrameReport:
     draw_ms: float
     triangles: int = 0
     """That lenses were drawn in; of live frames, nobody waits to count them."""
+    scale: float = 1.0
+    """Panels were drawn with so many times their true pixels along each side; all that is told is of these."""
 
 
 class Renderer:
@@ -190,6 +192,17 @@ class Renderer:
             for name, picture in pieces(self.view.display, quilt, image).items():
                 yield name, picture, report
 
+    def wanted(self, viewers: Sequence[Viewer], policy: Policy, display: Display) -> Cut:
+        """What a frame of the same image asks for on other panels than are drawn: the true ones of a preview.
+
+        Waits for the image's contrast to be known where the policy goes by it.
+        """
+        view = view_of(display, self.view.pyramid, self.view.placement)
+        if policy.name == "contrast":
+            self._contrast.complete()
+            view = view._replace(detail=self._contrast.detail(display))
+        return select(view, tolerance_of(viewers, policy), eye_m=_first_eye(viewers))
+
     def place(self, placement: OnSurface, carried: Sequence[Lens] = (), pointers: Sequence[Pointer] = ()) -> None:
         """Move an image that lies on the surface, or its lenses; its resident pages stay.
 
@@ -244,6 +257,7 @@ class Renderer:
             select_ms=(selected - begin) * 1e3,
             stream_ms=(streamed - selected) * 1e3,
             draw_ms=(drawn - streamed) * 1e3,
+            scale=self.view.display.scale,
         )
 
     def _seen_by(self, policy: Policy) -> View:

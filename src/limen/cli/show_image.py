@@ -17,8 +17,7 @@ from limen.gpu.device import open_device
 from limen.placement import OnSurface
 from limen.present.file import thumbnail, write_picture
 from limen.present.room import draw_room, draw_surface
-from limen.select.image import select
-from limen.tolerance import Policy, tolerance_of
+from limen.tolerance import Policy
 from limen.viewer import Viewer
 
 __all__ = ["FrameRow", "image_row", "print_image_rows", "write_image_frames"]
@@ -42,6 +41,9 @@ class FrameRow(msgspec.Struct):
     max_allowed_px: float | None = None
     triangles_left: int | None = None
     """Of a mesh: those that are not folded, each counted once; ``triangles`` counts them on every panel they touch."""
+    scale: float = 1.0
+    """Panels were drawn with so many times their true pixels along each side. Triangles, splats and errors in pixels are
+    of what was drawn; of an image in files, pages and error are those of the true panels."""
     distance_factor: float | None = None
     """How many times farther away viewers would have to be for nobody to see what is left out of a mesh or points."""
 
@@ -61,7 +63,7 @@ def write_image_frames(
     simulate: bool,
     moves: LensMoves,
 ) -> Iterator[FrameRow]:
-    """Write what every panel shows, frame by frame."""
+    """Write what every panel shows, frame by frame; pages and errors are told of the true panels at any scale."""
     shown = display if scale == 1.0 else display.scaled(scale)
     with open_device() as device, Renderer(device, shown, image, placement) as renderer:
         total = len(moments) * len(display.panels)
@@ -70,7 +72,7 @@ def write_image_frames(
                 target = folder / f"frame-{number:04d}"
                 if moves.any:
                     moves.place(renderer, placement, viewers[0].time_s)
-                cut = select(renderer.view, tolerance_of(viewers, policy))
+                cut = renderer.wanted(viewers, policy, display)
                 files, pictures, reports = [], {}, []
                 drawn = renderer.pictures(viewers, policy, overlay=overlay)
                 for name, picture, report in drawn:
@@ -92,7 +94,7 @@ def _summary(reports: Sequence[FrameReport], pages: int, error_px: float, files:
     row = image_row(quilts[0], files)
     row.panels_active = sum(report.panels_active for report in quilts)
     row.pages, row.max_error_px = pages, error_px
-    for part in ("triangles", "select_ms", "stream_ms", "draw_ms"):
+    for part in ("triangles", "missing", "select_ms", "stream_ms", "draw_ms"):
         setattr(row, part, sum(getattr(report, part) for report in quilts))
     return row
 

@@ -200,14 +200,15 @@ class Display:
         Raises
         ------
         InputError
-            If no panel matches.
+            If one of them matches no panel.
         """
         patterns = [globs] if isinstance(globs, str) else list(globs)
         names = [panel.name for panel in self.panels]
         chosen = [row for row, name in enumerate(names) if any(fnmatchcase(name, pattern) for pattern in patterns)]
-        if not chosen:
+        idle = [pattern for pattern in patterns if not any(fnmatchcase(name, pattern) for name in names)]
+        if idle or not chosen:
             raise InputError(
-                f"no panel of '{self.name}' matches {' '.join(patterns)}; a name looks like '{self.panels[0].name}'"
+                f"no panel of '{self.name}' matches {' '.join(idle)}; a name looks like '{self.panels[0].name}'"
             )
         return self.part(chosen)
 
@@ -235,6 +236,8 @@ class Display:
         """The same panels with ``factor`` times as many pixels along each side: for previews of a whole room."""
         if not 0 < factor <= 1:
             raise InputError(f"a preview's scale must lie above 0 and at most at 1, got {factor}")
+        if factor == 1:
+            return self  # with its quilts
         return self._part(tuple(_scaled(panel, factor) for panel in self.panels))
 
     def _part(self, panels: tuple[Panel, ...], quilts: tuple[Quilt, ...] = ()) -> Display:
@@ -308,6 +311,11 @@ class Display:
     def pitch_m(self) -> float:
         """Distance between true pixels of the first panel of the whole display, also in parts and previews of it."""
         return self.panels[0].pitch_m[0] / self.panels[0].true_px
+
+    @property
+    def scale(self) -> float:
+        """Pixels of the first panel over its true pixels, along a side: below 1 in a preview."""
+        return 1 / self.panels[0].true_px
 
     @property
     def total_px(self) -> int:

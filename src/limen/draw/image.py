@@ -48,7 +48,7 @@ _NUMBERS = {
     "lenses": 10, "corners": 15,
 }  # fmt: skip
 _FILES = ("image.wgsl", "lens_mesh.wgsl", "lens_split.wgsl")
-_FLAT = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear")
+_FLAT = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear", "finer")
 _BENT = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer", "lenses")
 _LENS = (*_BENT, "corners")
 _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operation": "add"}
@@ -103,6 +103,7 @@ class ImageLayer:
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
         self._buffers["levels"].write(records.level_rows(view.pyramid))
+        self._buffers["finer"].write(np.zeros(1, np.float32))  # always bound, read only by what looks pages up
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._reader = TextureReader(device)
         self._table_of: PageTable | None = None
@@ -153,6 +154,9 @@ class ImageLayer:
         if overlay == "exact":
             target_format = EXACT_FORMAT
         quads, cells = self._write(cut, drawable, tolerance, quilt, eye_m)
+        if (drawable.table is not None or overlay == "levels") and cut.detail is not self._detail:
+            self._buffers["finer"].write(records.log2_tau(cut.detail.tau).astype(np.float32))
+            self._detail = cut.detail
         texture = None if target is not None else self._target(quilt.size_px, target_format)
         encoder = self._device.wgpu.create_command_encoder(label="image")
         if cells:
@@ -234,9 +238,6 @@ class ImageLayer:
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
         if drawable.table is not None:
-            if cut.detail is not self._detail:
-                buffers["finer"].write(records.log2_tau(cut.detail.tau).astype(np.float32))
-                self._detail = cut.detail
             if drawable.table is not self._table_of:
                 buffers["table"].write(records.page_table(drawable.table))
                 self._table_of = drawable.table

@@ -565,17 +565,32 @@ fn colour_of(slot: u32, texel: vec2<f32>, footprint: vec2<f32>, level: u32, coar
 }
 
 // The overlay of levels. A preview of fewer pixels cannot show the finest levels of the true panel: where it draws its own
-// finest (mip), the tolerance tells what the true panel would draw.
-fn tinted(colour: vec4<f32>, level: u32, mip: i32, true_mip: i32, tolerance: f32, coarser: u32) -> vec4<f32> {
+// finest (mip), the tint is that of the levels which the true panel would draw there, each by its share.
+fn tinted(
+    colour: vec4<f32>, panel: u32, texel: vec2<f32>, level: u32, mip: i32, true_mip: i32, tolerance: f32, coarser: u32
+) -> vec4<f32> {
     if OVERLAY != 1u {
         return colour;
     }
-    var shown = i32(level);
-    if shown <= mip {
-        shown = clamp(i32(floor(tolerance + 0.5 * frame.blend)), true_mip, shown);
+    var tint = tint_of(level, coarser);
+    if i32(level) <= mip {
+        let all = share_up_to(panel, texel, level, tolerance);
+        var below = 0.0;
+        var mixed = vec4<f32>();
+        for (var finer_level = u32(max(true_mip, 0)); finer_level < level; finer_level++) {
+            let above = clamp(share_up_to(panel, texel, finer_level, tolerance), below, all);
+            mixed += (above - below) * tint_of(finer_level, coarser);
+            below = above;
+        }
+        if all > 0.0 {
+            tint = (mixed + (all - below) * tint) / all;
+        }
     }
-    let tint = levels[clamp(shown + i32(coarser), 0, frame.top)].colour;
     return vec4<f32>(mix(colour.rgb, tint.rgb, tint.a), colour.a);
+}
+
+fn tint_of(level: u32, coarser: u32) -> vec4<f32> {
+    return levels[clamp(i32(level + coarser), 0, frame.top)].colour;
 }
 
 // The overlay of errors: how many pixels what is seen lies from where it belongs, in the colours of Papadopoulos, Kaufman
@@ -679,7 +694,9 @@ fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
     let texel = vertex.map.xy * pixel + vertex.map.zw;
     let colour = colour_of(vertex.names.z, texel, abs(vertex.map.xy), vertex.names.y, vertex.names.w, panel);
     let mip = panels[panel].mip + frame.bias;
-    let seen = with_error(tinted(colour, vertex.names.y, mip, panels[panel].true_mip, tolerance, vertex.names.w), 0.0);
+    let place = panels[panel].scale * pixel + panels[panel].offset;
+    let tint = tinted(colour, panel, place, vertex.names.y, mip, panels[panel].true_mip, tolerance, vertex.names.w);
+    let seen = with_error(tint, 0.0);
     if OVERLAY == 2u {
         return seen;
     }
@@ -747,7 +764,7 @@ fn page_light(panel: u32, place: Place, level: u32, mip: i32, true_mip: i32, tol
         let footprint = sqrt(place.right * place.right + place.down * place.down) * shrink;
         let fade = select(f32((entry >> 5u) & 0x7fu) / 127.0, 1.0, OVERLAY == 2u);
         let colour = colour_of(entry >> 12u, texel, footprint, level, coarser, panel);
-        light += left * fade * tinted(colour, level, mip, true_mip, tolerance, coarser);
+        light += left * fade * tinted(colour, panel, place.texel, level, mip, true_mip, tolerance, coarser);
         left *= 1.0 - fade;
         step = coarser + 1u;
     }
