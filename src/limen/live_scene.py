@@ -158,7 +158,9 @@ class LiveScene:
     def _draw_window(self, stage: Stage, surface: Surface) -> None:
         """The window is the display: what is behind it is turned by dragging."""
         stage.pose(self._clock_s, Turn(self._yaw_deg, self._pitch_deg, self._nearer), paused=self._paused)
-        viewer = Viewer((0.0, 0.0, 0.0), time_s=self._clock_s)
+        # Before a window somebody sits still, and may be told to look elsewhere than at its middle.
+        gaze = self._tour.gaze if isinstance(self._tour, Viewer) else None
+        viewer = Viewer((0.0, 0.0, 0.0), gaze=gaze, time_s=self._clock_s)
         self.last = stage.frame(
             [viewer], quilt=Quilt(surface.size_px, (0,), ((0, 0),)), overlay=self._overlay,
             target=surface.target, target_format=surface.target_format,

@@ -21,7 +21,9 @@ from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.placement import arrangement_of, mesh_in_room, middle_of_wall
 
-__all__ = ["BEHIND", "FLIGHTS", "Flight", "Land", "LookAt", "fitted_range_m", "in_flight", "room_from_posts"]
+__all__ = [
+    "BEHIND", "FLIGHTS", "Flight", "Land", "LookAt", "check_stands", "fitted_range_m", "in_flight", "room_from_posts",
+]  # fmt: skip
 
 BEHIND = 3.0
 
@@ -90,6 +92,24 @@ class LookAt:
             raise InputError(f"range_m must be a positive number of metres, got {self.range_m}")
         if not 0 < self.exaggeration <= 1000:
             raise InputError(f"exaggeration must lie above 0 and at most at 1000, got {self.exaggeration}")
+
+
+def check_stands(display: Display, look: LookAt, flight: Flight) -> None:
+    """Raises
+    ------
+    InputError
+        For what is said of a camera where there is none: around an object, the whole terrain stands inside.
+    """
+    if arrangement_of(display) != "object":
+        return
+    plain = LookAt()
+    idle = [name for name in ("target", "pitch_deg", "range_m") if getattr(look, name) != getattr(plain, name)]
+    idle += ["flight traverse"] if flight == "traverse" else []
+    if idle:
+        raise InputError(
+            f"{idle[0]} changes nothing: a terrain stands whole inside '{display.name}', whose panels face outward; "
+            "heading_deg and the flight orbit turn it"
+        )
 
 
 def in_flight(look: LookAt, flight: Flight, land: Land, time_s: float) -> LookAt:

@@ -68,6 +68,8 @@ class PointsReport:
     select_ms: float
     stream_ms: float
     draw_ms: float
+    scale: float = 1.0
+    """Panels were drawn with so many times their true pixels along each side."""
 
     @property
     def drawn(self) -> str:
@@ -348,4 +350,5 @@ class PointsRenderer:
             select_ms=chosen.select_s * 1e3,
             stream_ms=0.0,
             draw_ms=(time.perf_counter() - begin) * 1e3,
+            scale=self.display.scale,
         )

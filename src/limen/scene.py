@@ -67,6 +67,8 @@ class SceneReport:
     """How many times farther away all viewers would have to be for nobody to see what is left out: 1 or less, where
     they are nobody can."""
     select_ms: float = 0.0
+    scale: float = 1.0
+    """Panels were drawn with so many times their true pixels along each side."""
 
     @property
     def drawn(self) -> str:
@@ -335,7 +337,8 @@ class SceneRenderer:
             self._throttle.spent(self.simplified.policy, (time.perf_counter() - begin) * 1e3)
         active = int(windows.facing(eyes_m[0]).sum())
         clock = (sorted_at - selected_at, time.perf_counter() - sorted_at)
-        report = SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3)
+        scale = self.display.scale
+        report = SceneReport(viewer.time_s, active, triangles, clock[0] * 1e3, clock[1] * 1e3, scale=scale)
         if cut is not None and self.simplified is not None:
             report = replace(
                 report, policy=self.simplified.policy.label, left=len(cut), max_error_px=cut.largest_px,

@@ -17,7 +17,7 @@ from limen.data.mesh import Mesh
 from limen.data.mesh_sample import ripple
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.draw.scene import SceneOverlay
+from limen.draw.scene import Depth, SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device
@@ -124,6 +124,7 @@ class SceneSettings:
     turn_deg: float = 0.0
     background: tuple[float, float, float] = BACKGROUND
     tilt_deg: float = 0.0
+    depth: Depth = "panel"
 
     def room_from_mesh(self, mesh: Bounded, display: Display, time_s: float = 0.0) -> Floats:
         """Where a mesh (or a cloud of points) stands at a time, shape (4, 4)."""
@@ -187,13 +188,14 @@ class MeshStage:
         mesh: Mesh,
         settings: SceneSettings,
         simplified: Simplified | None = None,
+        overlay: SceneOverlay | None = None,
     ) -> None:
         self._mesh, self._settings = mesh, settings
         self._renderer = SceneRenderer(
             device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=settings.stereo,
-            background=settings.background, simplified=simplified,
+            depth=settings.depth, background=settings.background, simplified=simplified,
         )  # fmt: skip
-        self._overlay: SceneOverlay = "panels" if simplified is None else "simplified"
+        self._overlay: SceneOverlay = overlay or ("panels" if simplified is None else "simplified")
         self.quilts, self.guard_px = self._renderer.quilts, self._renderer.guard_px
 
     def pose(self, time_s: float, turn: Turn = STILL, *, paused: bool = False) -> None:
@@ -222,6 +224,11 @@ class MeshStage:
 class MeshExhibit:
     """A mesh and how it is shown in windows: an `Exhibit`.
 
+    Parameters
+    ----------
+    overlay
+        What the overlay shows while it is on: by default panels, or of a simplified mesh what stands for much.
+
     Raises
     ------
     InputError
@@ -231,6 +238,7 @@ class MeshExhibit:
     mesh: Mesh
     settings: SceneSettings = SceneSettings()
     simplified: Simplified | None = None
+    overlay: SceneOverlay | None = None
 
     def __post_init__(self) -> None:
         check_one_picture(self.settings.stereo)
@@ -241,7 +249,7 @@ class MeshExhibit:
         return self.mesh.path.name if self.mesh.path else "mesh"
 
     def on(self, device: Device, display: Display) -> MeshStage:
-        return MeshStage(device, display, self.mesh, self.settings, self.simplified)
+        return MeshStage(device, display, self.mesh, self.settings, self.simplified, self.overlay)
 
 
 def about_middle(room_from_mesh: Floats, bounds: NDArray[Any], turn: Turn) -> Floats:

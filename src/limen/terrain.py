@@ -64,6 +64,8 @@ class TerrainReport:
     select_ms: float
     stream_ms: float
     draw_ms: float
+    scale: float = 1.0
+    """Panels were drawn with so many times their true pixels along each side."""
 
     @property
     def drawn(self) -> str:
@@ -344,5 +346,6 @@ class TerrainRenderer:
             select_ms=wanted.select_s * 1e3,
             stream_ms=0.0,
             draw_ms=(time.perf_counter() - begin) * 1e3,
+            scale=self.display.scale,
         )
         return texture, report

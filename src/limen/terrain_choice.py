@@ -16,7 +16,7 @@ from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
-from limen.look_at import Flight, LookAt, fitted_range_m, in_flight, room_from_posts
+from limen.look_at import Flight, LookAt, check_stands, fitted_range_m, in_flight, room_from_posts
 from limen.select.detail import Detail
 from limen.select.terrain import Mode, TerrainCut, select_terrain
 from limen.select.terrain_pages import Faint, TerrainPages, pages_for_terrain
@@ -61,6 +61,8 @@ class TerrainSettings:
     def __post_init__(self) -> None:
         if self.camera not in CAMERAS:
             raise InputError(f"no camera is named '{self.camera}': there are {', '.join(CAMERAS)}")
+        if self.flight == "traverse" and self.look_at.target != LookAt().target:
+            raise InputError("the flight traverse goes over all of a terrain: leave out the target, or take orbit")
         if self.most_triangles is not None and self.most_triangles < 1:
             raise InputError(f"most_triangles must be at least 1, got {self.most_triangles}")
 
@@ -113,6 +115,7 @@ class TerrainSight:
         self, scenery: Scenery, display: Display, quilts: Sequence[Quilt], settings: TerrainSettings, *,
         whole: Display, reference_m: Vec3,
     ) -> None:  # fmt: skip
+        check_stands(whole, settings.look_at, settings.flight)
         self.scenery, self.display, self.settings = scenery, display, settings
         self._whole, self._reference_m = whole, reference_m
         self.guard_px = min(guard_of(display, quilt) for quilt in quilts)

@@ -30,6 +30,7 @@ __all__ = [
     "STANDS",
     "Policy",
     "Tolerance",
+    "ignores_acuity",
     "scheel_px",
     "tolerance_of",
 ]
@@ -191,6 +192,15 @@ class Policy:
     @property
     def label(self) -> str:
         return self.title if self.name in ("full", "scheel", "size") else f"{self.title} {self.acuity_arcmin:g}'"
+
+
+def ignores_acuity(text: str) -> bool:
+    """Whether a policy, as people type it, goes by no acuity of the viewers, or says its own.
+
+    >>> [ignores_acuity(text) for text in ("full", "snellen+gaze", "size:300", "acuity+gaze", "budget:300")]
+    [True, True, True, False, False]
+    """
+    return text.partition(":")[0].partition("+")[0] in ("full", "scheel", "size", "snellen")
 
 
 def _milliseconds(text: str) -> float | None:

@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError
+from cyclopts.exceptions import UnusedCliTokensError
 
 from limen.errors import LimenError
 
@@ -44,6 +45,23 @@ _VERBS = {
     "bench": ("The benchmark tables of the documentation.", "image --quick"),
 }
 """What each verb does, and an example. ``limen.cli.<verb>:<verb>`` is imported only when it is typed."""
+
+_TAKES = {
+    "demo": "an image of yours by --content alone",
+    "doctor": "options alone",
+    "sample": "one kind and one file",
+    "info": "one file at a time",
+    "ingest": "one file and the name of what to make of it",
+    "display": "one display at a time",
+    "walk": "one session file to write",
+    "show": "one content at a time (several cannot be shown together yet)",
+    "traffic": "one content at a time",
+    "verify": "one content at a time",
+    "calibrate boards": "options alone",
+    "calibrate rehearse": "options alone",
+    "bench": "one benchmark at a time",
+}
+"""What each verb takes besides options; whatever is more is not understood."""
 
 _EXIT_OURS, _EXIT_INPUT, _EXIT_INTERRUPTED = 1, 2, 130
 
@@ -82,6 +100,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(f"no verb is named '{words[0]}': there are {', '.join(_VERBS)}{meant}", _EXIT_INPUT)
     try:
         app(words, exit_on_error=False, print_error=False)
+    except UnusedCliTokensError as error:
+        _fail(_too_many(words, error.unused_tokens or []), _EXIT_INPUT)
     except CycloptsError as error:
         _fail(str(error).splitlines()[0] + f" (limen {_verb_of(words)}--help shows the options)", _EXIT_INPUT)
     except LimenError as error:
@@ -119,6 +139,13 @@ def _was_interrupted(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
+
+
+def _too_many(words: list[str], unused: Sequence[str]) -> str:
+    """What to say of words that no verb has a use for."""
+    verb = next(verb for verb in (" ".join(words[:2]), words[0]) if verb in _TAKES)
+    listed = ", ".join(f"'{word}'" for word in unused)
+    return f"limen {verb} takes {_TAKES[verb]}: leave out {listed}"
 
 
 def _verb_of(words: list[str]) -> str:

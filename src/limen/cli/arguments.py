@@ -11,6 +11,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Vec3, as_vec3
 from limen.placement import Fit
+from limen.tolerance import ignores_acuity
 
 __all__ = [
     "AcuityOption",
@@ -21,6 +22,7 @@ __all__ = [
     "TrianglesOption",
     "chosen_panels",
     "place",
+    "refuse_acuity",
 ]
 
 DisplayOption = Annotated[str, Parameter(help="A preset's name or a display file (TOML); see `limen display`.")]
@@ -50,6 +52,21 @@ def chosen_panels(display: str, panels: Sequence[str]) -> Display:
     """The display, or the part of it that was asked for."""
     whole = Display.named(display)
     return whole.select(panels) if panels else whole
+
+
+def refuse_acuity(policies: Sequence[str]) -> None:
+    """Refuse ``--acuity-arcmin`` where no policy goes by it.
+
+    Raises
+    ------
+    InputError
+        Naming the policies.
+    """
+    if all(ignores_acuity(policy) for policy in policies):
+        raise InputError(
+            f"--acuity-arcmin changes nothing under {' and '.join(policies)}: leave it out, or give --policy acuity, "
+            "contrast or budget"
+        )
 
 
 def place(text: str, option: str) -> Vec3:

@@ -10,6 +10,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 
 from limen.cli.arguments import place
+from limen.cli.output import Output
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import as_vec3
@@ -31,13 +32,19 @@ class FileOptions:
     """Options of pictures that are written."""
 
     frames: Annotated[int, Parameter(help="How many moments, spread over the session.")] = 1
-    scale: Annotated[float, Parameter(help="Draw panels with fewer pixels (0.125: an eighth).")] = 1.0
+    scale: Annotated[
+        float,
+        Parameter(
+            help="Draw panels with fewer pixels (0.125: an eighth). Levels, pages and errors of an image are "
+            "still told of the true panels; triangles and errors of anything else, of those that are drawn."
+        ),
+    ] = 1.0
     picture_format: Annotated[Literal["jpg", "png"], Parameter(name="--format")] = "jpg"
     simulate: Annotated[
         bool,
         Parameter(
             negative="",
-            help="Of an image: also draw the room and the unrolled wall. Of a mesh or a terrain: also what the "
+            help="Of an image: also draw the room and the unrolled wall. Of anything else: also what the "
             "viewer's eye sees of the lit display (eye), and what is seen from elsewhere and from afar.",
         ),
     ] = False
@@ -52,12 +59,12 @@ class WindowOptions:
     """Options of windows that are opened."""
 
     window: Annotated[
-        Literal["eye", "outputs"],
+        Literal["eye", "outputs"] | None,
         Parameter(
-            help="Of a mesh or a terrain: what the viewer's eye sees of the simulated display; or the display's "
-            "quilts, each on the screen that it is named after in the display file."
+            help="Of anything but an image: what the viewer's eye sees of the simulated display (if not given); or the "
+            "display's quilts, each on the screen that it is named after in the display file."
         ),
-    ] = "eye"
+    ] = None
     seconds: Annotated[float | None, Parameter(help="Close the window after this long.")] = None
 
 
@@ -85,15 +92,20 @@ class Asked:
             raise InputError(f"--frames must be at least 1, got {self.files.frames}")
         if self.session and self.viewer:
             raise InputError("give --session or --viewer, not both")
-        if (self.session or self.panels) and not self.whole:
-            option = "--session" if self.session else "--panels"
-            raise InputError(f"{option} is about a display's panels: give --display too")
         if self.gaze:
             place(self.gaze, "--gaze")
         if self.files.seen_from:
             place(self.files.seen_from, "--seen-from")
             if not self.files.simulate:
                 raise InputError("--seen-from is a place to look at the simulated display from: give --simulate too")
+
+    def say_scale(self, out: Output) -> None:
+        """Say what is told of a preview, where that is not what the true panels would need."""
+        if self.files.scale != 1:
+            out.say(
+                f"--scale {self.files.scale:g}: what is counted, and errors in pixels, are of the smaller panels that "
+                "are drawn; without --scale, of the display's own"
+            )
 
     @property
     def shown(self) -> Display | None:

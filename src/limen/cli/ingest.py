@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import limen.data
+from limen.cli.heard import given_options
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
@@ -46,15 +47,18 @@ def ingest(
     spacing_m
         Metres between its posts, where the file does not say it or is wrong.
     """
+    given = given_options(ingest, locals())
     out = Output(common)
     kind = dst.suffix.lower()
-    if kind in (".terrain", ".points", ".mesh") and (quality, subsampling) != (_QUALITY, _SUBSAMPLING):
-        raise InputError("--quality and --subsampling are of images; anything else is kept as it is")
+    of_images = [option for option in ("--quality", "--subsampling") if option in given]
+    if of_images and kind in (".terrain", ".points", ".mesh"):
+        raise InputError(f"{of_images[0]} is of images: leave it out, anything else is kept as it is")
     if kind == ".terrain":
         _terrain(out, src, dst, band, spacing_m)
         return
-    if band is not None or spacing_m is not None:
-        raise InputError(f"--band and --spacing-m are of terrains; name DST so: {dst.with_suffix('.terrain')}")
+    of_terrains = [option for option in ("--band", "--spacing-m") if option in given]
+    if of_terrains:
+        raise InputError(f"{of_terrains[0]} is of terrains: name DST so: {dst.with_suffix('.terrain')}")
     if kind == ".points":
         _points(out, src, dst)
         return

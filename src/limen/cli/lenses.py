@@ -53,6 +53,27 @@ class LensOptions:
         ),
     ] = "exact"
 
+    def check(self, *, in_files: bool) -> None:
+        """Refuse options of lenses that are not there, and of a shape that a picture has.
+
+        Raises
+        ------
+        InputError
+            Naming the first; in windows, ``--lens-mode`` is of the lens that a hand carries too.
+        """
+        first = LensOptions()
+        shape = [
+            name
+            for name in ("lens_focus", "lens_drop_off", "lens_shape")
+            if getattr(self, name) != getattr(first, name)
+        ]
+        others = [*shape, *(["lens_heights"] if self.lens_heights else [])]
+        others += ["lens_mode"] if in_files and self.lens_mode != first.lens_mode else []
+        if others and not self.lens:
+            raise InputError(f"{_option(others[0])} is of a lens: give --lens too")
+        if shape and self.lens_heights is not None:
+            raise InputError(f"--lens-heights takes the place of {_option(shape[0])}: leave out one of them")
+
     @property
     def tessellation(self) -> Tessellation:
         return Tessellation(self.lens_mode)
@@ -97,6 +118,10 @@ class LensOptions:
         return Lens(
             (x, y), radius, magnification, self.lens_focus, self.lens_drop_off, self.lens_shape, heights=heights
         )
+
+
+def _option(name: str) -> str:
+    return "--" + name.replace("_", "-")
 
 
 @cache

@@ -10,6 +10,13 @@ from limen.errors import InputError
 
 __all__ = ["sample"]
 
+_SIZES = {
+    "mesh": "how many triangles a mesh has",
+    "terrain": "how many posts a side has",
+    "points": "how many points there are",
+}
+"""What ``--size`` means, of anything but an image."""
+
 
 def sample(
     kind: str,
@@ -41,20 +48,18 @@ def sample(
         Width by height of an image; the wall of a room of 416 panels, 133120 x 11520, unless given.
     """
     output = Output(common)
+    if kind in _SIZES:
+        for option, value in (("--gigapixels", gigapixels), ("--aspect", aspect)):
+            if value is not None:
+                raise InputError(f"{option} is of images: leave it out; --size says {_SIZES[kind]}")
     match kind:
         case "image":
             _image(output, out, gigapixels, size, seed, aspect)
         case "mesh":
-            if gigapixels is not None or aspect is not None:
-                raise InputError("--gigapixels and --aspect are of images; --size says how many triangles a mesh has")
             _mesh(output, out, size, seed)
         case "terrain":
-            if gigapixels is not None or aspect is not None:
-                raise InputError("--gigapixels and --aspect are of images; --size says how many posts a side has")
             _terrain(output, out, size, seed)
         case "points":
-            if gigapixels is not None or aspect is not None:
-                raise InputError("--gigapixels and --aspect are of images; --size says how many points there are")
             _points(output, out, size, seed)
         case _:
             raise InputError(f"there is no sample of kind {kind!r}; the kinds are image, terrain, points and mesh")

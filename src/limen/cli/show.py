@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, cast
@@ -15,8 +14,10 @@ from limen.cli.arguments import (
     PanelsOption,
     PolicyOption,
     TrianglesOption,
+    refuse_acuity,
 )
 from limen.cli.asked import FILES_DEFAULT, WINDOWS_DEFAULT, Asked, FileOptions, Overlays, WindowOptions
+from limen.cli.heard import SHOW, Kind, Way, given_options, kind_of, noun_of, refuse_kind, refuse_way
 from limen.cli.lenses import LENSES_DEFAULT, LensOptions
 from limen.cli.output import DEFAULT, Common, Output
 from limen.cli.show_image import image_row, print_image_rows, write_image_frames
@@ -24,6 +25,7 @@ from limen.cli.show_live import say_who, show_live
 from limen.cli.show_mesh import (
     MESH_DEFAULT,
     MeshOptions,
+    check_quilts,
     mesh_row,
     print_mesh_rows,
     simplified_mesh,
@@ -52,7 +54,7 @@ from limen.stage import MeshExhibit
 from limen.terrain import TerrainReport
 from limen.terrain_stage import TerrainExhibit
 from limen.terrain_stock import Draped
-from limen.tolerance import Policy
+from limen.tolerance import Policy, tolerance_of
 from limen.track.stand import standing_viewer
 
 if TYPE_CHECKING:
@@ -112,13 +114,24 @@ def show(
     it stood behind the window (drag to turn it). With --display, it shows the unrolled wall, and of anything but an
     image what the viewer's eye sees of the lit display. The policy is acuity unless another is given, of a mesh full.
     """
+    given = given_options(show, locals())
     out_stream = Output(common)
-    chosen = Policy.parse(policy or "acuity", acuity_arcmin)
+    way: Way = "files" if out else "browse" if not display else "outputs" if windows.window == "outputs" else "wall"
+    refuse_way(SHOW, given, way)
     name = display or ("desktop" if out else "")
     asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
-    wishes = _Wishes(fit, most_triangles, mesh, terrain, points, lenses)
+    lenses.check(in_files=way == "files")
     with ExitStack() as stack:
-        _draw(opened_content(out_stream, content), asked, wishes, chosen, bool(policy), out, out_stream, stack)
+        opened = opened_content(out_stream, content)
+        if isinstance(opened, Image):
+            stack.enter_context(opened)
+        kind = kind_of(opened)
+        refuse_kind(SHOW, given, kind)
+        _refuse_overlay(kind, overlay)
+        chosen = _policy(kind, policy, acuity_arcmin, in_files=way == "files", acuity_given="--acuity-arcmin" in given)
+        _check_gaze(kind, asked, chosen, terrain)
+        wishes = _Wishes(fit, most_triangles, mesh, terrain, points, lenses)
+        _draw(opened, asked, wishes, chosen, out, out_stream, stack)
 
 
 def _draw(
@@ -126,28 +139,21 @@ def _draw(
     asked: Asked,
     wishes: _Wishes,
     policy: Policy,
-    was_given: bool,
     folder: Path | None,
     out: Output,
     stack: ExitStack,
 ) -> None:
-    """Draw content by what it is; ``was_given``: whether the policy was asked for."""
+    """Draw content by what it is."""
     if isinstance(opened, Image):
-        stack.enter_context(opened)
-        wishes.refuse("an image", asked.overlay, ("levels", "error"))
         placement = OnSurface(
             wishes.fit or "contain", lenses=wishes.lenses.lenses(), tessellation=wishes.lenses.tessellation
         )
         _show_image(opened, asked, policy, placement, wishes.lenses, folder, out)
     elif isinstance(opened, Mesh):
-        wishes.refuse("a mesh", asked.overlay, ("panels", "simplified"))
-        simplified = simplified_mesh(out, opened, policy if was_given else Policy("full"))
-        _show_mesh(opened, simplified, asked, wishes.mesh, folder, out)
+        _show_mesh(opened, simplified_mesh(out, opened, policy), asked, wishes.mesh, folder, out)
     elif opened.kind == "points":
-        wishes.refuse("a cloud of points", asked.overlay, ("panels", "simplified"))
         show_points(cast("Points", opened), asked, wishes.mesh, wishes.points, policy, folder, out)
     else:
-        wishes.refuse("a terrain", asked.overlay, ("panels", "patches"))
         land = cast("Terrain", opened)
         draped = stack.enter_context(wishes.terrain.draped(land))
         exhibit = _exhibit(land, asked, wishes.terrain, wishes.most_triangles, policy, draped)
@@ -164,38 +170,61 @@ class _Wishes(NamedTuple):
     points: PointsOptions
     lenses: LensOptions
 
-    def refuse(self, kind: str, overlay: str, overlays: Sequence[str]) -> None:
-        """Refuse what is not for this kind of content."""
-        if overlay not in ("none", *overlays):
-            raise InputError(f"--overlay {overlay} is not for {kind}: give --overlay {' or '.join(overlays)}")
-        owners: dict[str, tuple[tuple[str, ...], bool]] = {
-            "--fit": (("an image",), self.fit is not None),
-            "the options of meshes": (("a mesh", "a cloud of points"), self.mesh != MESH_DEFAULT),
-            "the options of terrains": (("a terrain",), self.terrain != TERRAIN_DEFAULT),
-            "the options of points": (("a cloud of points",), self.points != POINTS_DEFAULT),
-            "the options of lenses": (("an image",), self.lenses != LENSES_DEFAULT),
-            "--most-triangles": (("a terrain",), self.most_triangles is not None),
-        }
-        foreign = [words for words, (kinds, was_given) in owners.items() if was_given and kind not in kinds]
-        if foreign:
-            raise InputError(
-                f"this content is {kind}: leave out {foreign[0]} (limen show --help lists what is for what)"
-            )
+
+_OVERLAYS: dict[Kind, tuple[Overlays, ...]] = {
+    "image": ("levels", "error"),
+    "mesh": ("panels", "simplified"),
+    "points": ("panels", "simplified"),
+    "terrain": ("panels", "patches"),
+}
+
+
+def _refuse_overlay(kind: Kind, overlay: Overlays) -> None:
+    if overlay not in ("none", *_OVERLAYS[kind]):
+        raise InputError(
+            f"--overlay {overlay} is not for {noun_of(kind)}: give --overlay {' or '.join(_OVERLAYS[kind])}"
+        )
+
+
+def _policy(kind: Kind, text: str, acuity_arcmin: str, *, in_files: bool, acuity_given: bool) -> Policy:
+    """The policy asked for, if content of this kind can be drawn by it."""
+    text = text or ("full" if kind == "mesh" else "acuity")
+    if acuity_given:
+        refuse_acuity([text])
+    policy = Policy.parse(text, acuity_arcmin)
+    if kind == "image" or (policy.name == "scheel") != (kind == "terrain"):
+        tolerance_of((), policy)  # says what is wrong with it before a window is opened
+    return policy.timeless if in_files else policy
+
+
+def _check_gaze(kind: Kind, asked: Asked, policy: Policy, terrain: TerrainOptions) -> None:
+    """Refuse a gaze that nothing depends on."""
+    if not asked.gaze or policy.gaze:
+        return
+    if kind != "terrain":
+        raise InputError(
+            f"--gaze changes nothing under the policy {policy.title}: give one with +gaze, as --policy contrast+gaze"
+        )
+    if policy.name == "full" and terrain.field_deg is None and asked.overlay != "panels":
+        raise InputError("--gaze changes nothing under the policy full: give another --policy, or --field-deg")
 
 
 def _show_mesh(
     content: Mesh, simplified: Simplified | None, asked: Asked, options: MeshOptions, folder: Path | None, out: Output
 ) -> None:
-    settings, shown = options.settings(asked.whole), asked.shown
+    settings, shown, overlay = options.settings(asked.whole), asked.shown, _scene_overlay(asked, simplified)
     if folder is None or shown is None:
-        last = show_live(MeshExhibit(content, settings, simplified), asked, out)
+        last = show_live(MeshExhibit(content, settings, simplified, overlay), asked, out)
         out.result({"frames": [mesh_row(SceneReport.of(last), [])] if last else []})
         return
+    check_quilts(options, shown, asked.files.scale)
     moments = asked.moments()
     say_who(moments[0], out)
+    if simplified is not None:
+        asked.say_scale(out)
     drawn = write_mesh_frames(
-        out, content, shown.scaled(asked.files.scale), moments, options, settings, folder, asked.files.picture_format,
-        simplified=simplified, overlay=_scene_overlay(asked, simplified), simulate=asked.files.simulate,
+        out, content, shown.scaled(asked.files.scale), moments, options.write, settings, folder,
+        asked.files.picture_format, simplified=simplified, overlay=overlay, simulate=asked.files.simulate,
         seen_from=asked.files.seen_from,
     )  # fmt: skip
     rows = [mesh_row(report, files) for report, files in drawn]
@@ -227,6 +256,7 @@ def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, ou
         last = show_live(exhibit, asked, out)
         out.result({"frames": [terrain_row(TerrainReport.of(last), [])] if last else []})
         return
+    asked.say_scale(out)
     drawn = write_terrain_frames(
         out, exhibit, shown.scaled(asked.files.scale), asked.moments(), folder, asked.files.picture_format,
         overlay=None if asked.overlay == "none" else exhibit.overlay, simulate=asked.files.simulate,
@@ -259,7 +289,7 @@ def _show_image(
             seconds=asked.windows.seconds,
             moves=moves,
         )
-        last = run_live(content, shown, asked.tour() if shown else None, settings, out.say)
+        last = run_live(content, shown, asked.tour() if shown or asked.gaze else None, settings, out.say)
         out.result({"frames": [image_row(last, [])] if last else []})
         return
     rows = list(

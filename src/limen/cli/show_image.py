@@ -42,8 +42,8 @@ class FrameRow(msgspec.Struct):
     triangles_left: int | None = None
     """Of a mesh: those that are not folded, each counted once; ``triangles`` counts them on every panel they touch."""
     scale: float = 1.0
-    """Panels were drawn with so many times their true pixels along each side. Triangles, splats and errors in pixels are
-    of what was drawn; of an image in files, pages and error are those of the true panels."""
+    """Panels were drawn with so many times their true pixels along each side. Triangles, splats and errors in pixels
+    are of what was drawn; of an image in files, pages and error are those of the true panels."""
     distance_factor: float | None = None
     """How many times farther away viewers would have to be for nobody to see what is left out of a mesh or points."""
 

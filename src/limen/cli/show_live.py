@@ -7,7 +7,6 @@ from typing import Any
 
 from limen.cli.asked import Asked
 from limen.cli.output import Output
-from limen.errors import InputError
 from limen.live_outputs import run_live_outputs
 from limen.live_scene import run_live_scene
 from limen.stage import Exhibit, MeshExhibit
@@ -23,11 +22,10 @@ def show_live(exhibit: Exhibit, asked: Asked, out: Output) -> list[Any]:
     if isinstance(exhibit, MeshExhibit) and not isinstance(tour, Viewer):
         say_who(tour(0.0), out)
     overlay = asked.overlay != "none"
-    if asked.windows.window == "eye":
+    if asked.windows.window != "outputs":
         last = run_live_scene(exhibit, shown, tour, out.say, overlay=overlay, seconds=asked.windows.seconds)
         return [last] if last else []
-    if shown is None:
-        raise InputError("--window outputs needs --display, with the quilts that go to this machine's screens")
+    assert shown is not None  # refused before anything is opened
     return run_live_outputs(exhibit, shown, tour, out.say, overlay=overlay, seconds=asked.windows.seconds)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -35,6 +35,7 @@ from limen.viewer import Viewer
 __all__ = [
     "MESH_DEFAULT",
     "MeshOptions",
+    "check_quilts",
     "lit_display",
     "mesh_row",
     "onlookers",
@@ -50,10 +51,13 @@ _LIT_PX = 1 << 26
 """Pixels of a simulated display in all, which lie in memory together: more are not seen in a picture."""
 
 
-@Parameter(name="*", group=Group("Meshes"))
+Write: TypeAlias = Literal["panels", "quilts"]
+
+
+@Parameter(name="*", group=Group("Meshes, and where points stand"))
 @dataclass(frozen=True, slots=True)
 class MeshOptions:
-    """Options of content that is a mesh."""
+    """Options of content that is a mesh; points hear those that say where it stands."""
 
     size_m: Annotated[
         float | None, Parameter(help="Its largest extent in the room; fitted to the display if not given.")
@@ -75,7 +79,7 @@ class MeshOptions:
             help="Tilted toward the viewer: 90 shows it from above. By default 40 for flat points.",
         ),
     ] = None
-    animate: Annotated[Animation, Parameter(help="Deform it, or turn it, over the session's time.")] = "none"
+    animate: Annotated[Animation, Parameter(help="Deform it (a mesh), or turn it, over the session's time.")] = "none"
     stereo: Annotated[
         Stereo,
         Parameter(
@@ -86,9 +90,7 @@ class MeshOptions:
     depth: Annotated[
         Depth, Parameter(help="panel: every panel's own, the faster. shared: the viewer camera's, on all panels.")
     ] = "panel"
-    write: Annotated[
-        Literal["panels", "quilts"], Parameter(help="With --out: a picture for every panel, or one for every quilt.")
-    ] = "panels"
+    write: Annotated[Write, Parameter(help="With --out: a picture for every panel, or one for every quilt.")] = "panels"
     background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
 
     def settings(self, display: Display | None, up: Literal["y", "z"] = "y", tilt_deg: float = 0.0) -> SceneSettings:
@@ -100,7 +102,7 @@ class MeshOptions:
         background = _light_of(self.background) if self.background else BACKGROUND
         tilt_deg = tilt_deg if self.tilt_deg is None else self.tilt_deg
         settings = SceneSettings(
-            self.stereo, self.animate, self.size_m, at_m, self.up or up, self.turn_deg, background, tilt_deg
+            self.stereo, self.animate, self.size_m, at_m, self.up or up, self.turn_deg, background, tilt_deg, self.depth
         )
         return settings if display is None else settings.standing_in(display)
 
@@ -126,7 +128,7 @@ def write_mesh_frames(
     mesh: Mesh,
     display: Display,
     moments: Sequence[Sequence[Viewer]],
-    options: MeshOptions,
+    write: Write,
     settings: SceneSettings,
     folder: Path,
     suffix: str,
@@ -138,18 +140,16 @@ def write_mesh_frames(
 ) -> Iterator[tuple[SceneReport, list[str]]]:
     """Write what every panel shows, frame by frame: the frame's report, and the files.
 
-    ``settings`` are those of ``options``, with the mesh standing where the whole display wants it.
+    ``settings`` have the mesh standing where the whole display wants it.
     """
-    _check_simulation(options, simulate)
+    _check_simulation(settings, simulate)
     check_still(settings, simplified)
     with ExitStack() as stack:
         device = stack.enter_context(open_device())
-        renderer = stack.enter_context(_renderer(device, display, mesh, options, settings, simplified))
+        renderer = stack.enter_context(_renderer(device, display, mesh, settings, simplified))
         simulated = renderer
         if simulate and lit_display(display) is not display:
-            simulated = stack.enter_context(
-                _renderer(device, lit_display(display), mesh, options, settings, simplified)
-            )
+            simulated = stack.enter_context(_renderer(device, lit_display(display), mesh, settings, simplified))
         step = stack.enter_context(out.progress("drawing", len(moments)))
         for number, viewers in enumerate(moments):
             for each in {renderer, simulated}:
@@ -157,7 +157,7 @@ def write_mesh_frames(
             target = folder / f"frame-{number:04d}"
             files: list[str] = []
             reports: dict[int, SceneReport] = {}  # one for every quilt
-            draw = renderer.quilt_pictures if options.write == "quilts" else renderer.pictures
+            draw = renderer.quilt_pictures if write == "quilts" else renderer.pictures
             for name, picture, report in draw(viewers, overlay=overlay):
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
@@ -174,13 +174,12 @@ def _renderer(
     device: Device,
     display: Display,
     mesh: Mesh,
-    options: MeshOptions,
     settings: SceneSettings,
     simplified: Simplified | None,
 ) -> SceneRenderer:
     return SceneRenderer(
-        device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=options.stereo,
-        depth=options.depth, background=settings.background, simplified=simplified,
+        device, display, mesh, room_from_mesh=settings.room_from_mesh(mesh, display), stereo=settings.stereo,
+        depth=settings.depth, background=settings.background, simplified=simplified,
     )  # fmt: skip
 
 
@@ -200,10 +199,28 @@ def lit_display(display: Display) -> Display:
     return display if display.total_px <= _LIT_PX else display.scaled(math.sqrt(_LIT_PX / display.total_px))
 
 
-def _check_simulation(options: MeshOptions, simulate: bool) -> None:
+def check_quilts(options: MeshOptions, display: Display, scale: float) -> None:
+    """Refuse quilts that would not be as their hardware, or eyes that look one after the other, want them.
+
+    Raises
+    ------
+    InputError
+        If quilts are asked for in another size than the display's file has them, or pictures of each eye in them.
+    """
+    if options.write != "quilts":
+        return
+    if display.quilts and scale != 1:
+        raise InputError("--write quilts: the display's [[quilt]] are of its own pixels: leave out --scale")
+    if options.stereo == "sequential":
+        raise InputError(
+            "--stereo sequential is written for every panel: give --stereo side-by-side, or leave out --write"
+        )
+
+
+def _check_simulation(settings: SceneSettings, simulate: bool) -> None:
     """Refuse what cannot be simulated before anything is drawn."""
-    if simulate and options.stereo not in ("none", "anaglyph"):
-        raise InputError(f"--simulate shows what one eye sees: give --stereo none or anaglyph, not {options.stereo}")
+    if simulate and settings.stereo not in ("none", "anaglyph"):
+        raise InputError(f"--simulate shows what one eye sees: give --stereo none or anaglyph, not {settings.stereo}")
 
 
 def _aside(eye_m: Floats, display: Display) -> Floats:
@@ -236,7 +253,7 @@ def mesh_row(report: SceneReport, files: list[str]) -> FrameRow:
         time_s=report.time_s, policy=report.policy, panels_active=report.panels_active, pages=0, missing=0,
         triangles=report.triangles, splats=0, max_error_px=report.max_error_px,
         select_ms=report.select_ms + report.sort_ms, stream_ms=0.0, draw_ms=report.draw_ms, files=files,
-        triangles_left=report.left, distance_factor=report.distance_factor,
+        triangles_left=report.left, distance_factor=report.distance_factor, scale=report.scale,
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from limen.cli.asked import Asked
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.cli.show_live import say_who, show_live
-from limen.cli.show_mesh import MeshOptions, lit_display, onlookers, visible_from
+from limen.cli.show_mesh import MeshOptions, check_quilts, lit_display, onlookers, visible_from
 from limen.gpu.device import open_device
 from limen.present.file import write_picture
 from limen.tolerance import Policy
@@ -33,7 +33,7 @@ __all__ = ["POINTS_DEFAULT", "PointsOptions", "points_row", "show_points"]
 @Parameter(name="*", group=Group("Points"))
 @dataclass(frozen=True, slots=True)
 class PointsOptions:
-    """Options of content that is a cloud of points; where it stands, options of meshes say."""
+    """Options of content that is a cloud of points; `limen.cli.show_mesh.MeshOptions` say where it stands."""
 
     splats: Annotated[
         Literal["round", "square"], Parameter(help="Discs that face the eye, or squares, which cost less.")
@@ -70,6 +70,8 @@ def show_points(
         last = show_live(exhibit, asked, out)
         out.result({"frames": [points_row(PointsReport.of(last), [])] if last else []})
         return
+    check_quilts(mesh, shown, asked.files.scale)
+    asked.say_scale(out)
     moments = asked.moments()
     say_who(moments[0], out)
     drawn = _write_frames(out, exhibit, shown.scaled(asked.files.scale), moments, mesh, folder, asked)
@@ -123,7 +125,7 @@ def points_row(report: PointsReport, files: list[str]) -> FrameRow:
         time_s=report.time_s, policy=report.policy, panels_active=report.panels_active, pages=report.chunks,
         missing=report.missing, triangles=0, splats=report.splats, max_error_px=report.max_error_px,
         select_ms=report.select_ms, stream_ms=report.stream_ms, draw_ms=report.draw_ms, files=files,
-        distance_factor=report.distance_factor,
+        distance_factor=report.distance_factor, scale=report.scale,
     )  # fmt: skip
 
 

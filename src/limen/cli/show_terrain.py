@@ -102,6 +102,8 @@ class TerrainOptions:
                 raise InputError("--colours drape needs --drape IMAGE")
             yield None
             return
+        if self.colours not in (None, "drape"):
+            raise InputError(f"--colours {self.colours} would hide the --drape: leave out one of them")
         from limen.data.drape import texel_from_post  # GDAL takes a quarter of a second
 
         with open_picture(self.drape) as image:
@@ -183,6 +185,7 @@ def terrain_row(report: TerrainReport, files: list[str]) -> FrameRow:
         missing=report.missing, triangles=report.triangles, splats=0, max_error_px=report.max_error_px,
         select_ms=report.select_ms, stream_ms=report.stream_ms, draw_ms=report.draw_ms, files=files,
         patches=report.patches, min_allowed_px=report.min_allowed_px, max_allowed_px=report.max_allowed_px,
+        scale=report.scale,
     )  # fmt: skip
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import Parameter
 
-from limen.cli.arguments import chosen_panels
+from limen.cli.arguments import chosen_panels, refuse_acuity
+from limen.cli.heard import TRAFFIC, Kind, given_options, refuse_kind
 from limen.cli.output import DEFAULT, Common, Output
 from limen.cli.show_terrain import TERRAIN_DEFAULT, TerrainOptions, opened_content
 from limen.cli.traffic_scene import scene_traffic
@@ -91,28 +92,26 @@ def traffic(
     plot
         Draw pages over time to this .png or .svg.
     """
+    given = given_options(traffic, locals())
+    kind: Kind = "one-to-one" if content == ONE_TO_ONE else _kind_of_file(content)
+    refuse_kind(TRAFFIC, given, kind)
+    if acuity_arcmin is not None and policy:
+        refuse_acuity(policy)
     out = Output(common)
     whole, part = Display.named(display), chosen_panels(display, panels or [])
     sessions = [session_named(name, whole) for name in session or ["A", "B", "C"]]
     for walked in sessions:
         if walked.display != whole.name:
             out.say(f"session '{walked.name}' was made for '{walked.display}', and is counted on '{whole.name}'")
-    if content != ONE_TO_ONE and is_terrain(content):
-        if plot is not None or per_node or fit is not None:
-            raise InputError("--plot, --per-node and --fit are for images; leave them out for a terrain")
+    if per_node and set(part.nodes) == {""}:
+        raise InputError(f"--per-node: no panel of '{part.name}' names the node that draws it; leave it out")
+    if kind == "terrain":
         chosen = study.policies_of(
             policy or ["full", "scheel", "acuity", "acuity+gaze"], acuity_arcmin or [HUMAN_ARCMIN]
         )
         terrain_traffic(out, content, whole, part, sessions, chosen, terrain, most_triangles, rate_hz)
         return
-    if terrain != TERRAIN_DEFAULT or most_triangles is not None:
-        raise InputError(
-            f"{content} is no terrain: leave out the options of terrains and --most-triangles (limen traffic --help "
-            "lists them)"
-        )
-    if content != ONE_TO_ONE and (is_points(content) or is_mesh(content)):
-        if plot is not None or per_node or fit is not None:
-            raise InputError("--plot, --per-node and --fit are for images; leave them out for a mesh or points")
+    if kind in ("mesh", "points"):
         opened = opened_content(out, content)
         names = policy or ["full", "acuity", "contrast", "contrast+gaze"]
         counted = study.policies_of(names, acuity_arcmin or [HUMAN_ARCMIN])
@@ -132,6 +131,13 @@ def traffic(
         traffic_plot(report, plot)
     out.result(report.summary())
     print_traffic(out, report)
+
+
+def _kind_of_file(path: str) -> Kind:
+    """What a file is, without opening it: an image, if nothing else."""
+    if is_terrain(path):
+        return "terrain"
+    return "points" if is_points(path) else "mesh" if is_mesh(path) else "image"
 
 
 def _policies(content: str, names: Sequence[str] | None, acuities: Sequence[str] | None) -> tuple[Policy, ...]:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, cast
 import msgspec
 from cyclopts import Parameter
 
-from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOption, chosen_panels
+from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOption, chosen_panels, refuse_acuity
+from limen.cli.heard import VERIFY, given_options, kind_of, refuse_kind
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.image import Image
 from limen.data.mesh import Mesh
@@ -68,13 +69,13 @@ def verify(
     *,
     display: DisplayOption = "",
     panels: PanelsOption = [],  # noqa: B006 - cyclopts shows the default
-    session: str = "A",
+    session: str | None = None,
     policy: _Words = None,
     acuity_arcmin: AcuityOption = "human",
     views: int = 40,
     distance_factors: _Numbers = None,
     eccentricity_deg: _Numbers = None,
-    fit: FitOption = "contain",
+    fit: FitOption | None = None,
     seed: int = 0,
     changes: Annotated[bool, Parameter(negative="")] = False,
     speed_deg_s: float = 0.0,
@@ -90,7 +91,7 @@ def verify(
         An image: a pyramid of any size, or anything smaller. Or a mesh or points: shown from random views on one panel,
         by default the monitor of Luebke and Hallen's study, 23 inches and 1600 x 1200 pixels at 25 inches.
     session
-        Whose viewers look: A, B, C (made for the display) or a session file.
+        Whose viewers look at an image: A (the default), B, C (made for the display) or a session file.
     policy
         Policies to judge (default: acuity contrast contrast+gaze).
     views
@@ -113,6 +114,11 @@ def verify(
     plot
         Draw detection against the distance factor to this .png or .svg.
     """
+    given = given_options(verify, locals())
+    if acuity_arcmin != "human":
+        refuse_acuity(policy or _POLICIES)
+    if panels and not display:
+        raise InputError("--panels is about a display's panels: give --display too")
     out = Output(common)
     if plot is not None:
         format_of(plot)  # a wrong ending should not cost minutes of judging
@@ -125,6 +131,7 @@ def verify(
     if not isinstance(opened, Image):
         if opened.kind == "terrain":
             open_picture(content)  # says why it is none
+        refuse_kind(VERIFY, given, kind_of(opened))
         asked = _AskedScene(
             display, panels, views, seed, distance_factors or FACTORS, eccentricity_deg, changes, speed_deg_s
         )
@@ -132,13 +139,12 @@ def verify(
         _finish(out, report, content, plot, strict=strict)
         return
     opened.close()
-    if changes or speed_deg_s:
-        raise InputError("--changes and --speed-deg-s are for meshes and points: leave them out")
+    refuse_kind(VERIFY, given, "image")
     if not display:
         raise InputError("an image is judged on a display: give --display")
     trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)
     whole, part = Display.named(display), chosen_panels(display, panels)
-    walk = session_named(session, whole)
+    walk = session_named(session or "A", whole)
     observers = {light: Observer(light) for light in sorted({panel.luminance_cd_m2 for panel in part.panels})}
     controls = _controls(out, observers)
     report = VerifyReport(str(content), part.name, walk.name, seed, list(observers), controls, [], [])
@@ -147,8 +153,9 @@ def verify(
         out.result(report)
         sys.exit(1)
     with open_picture(content) as image:
-        windows = choose_windows(view_of(part, image.pyramid, OnSurface(fit)), walk, views, seed)
-        judged = _judge(out, image, part, OnSurface(fit), windows, trials, observers)
+        placement = OnSurface(fit or "contain")
+        windows = choose_windows(view_of(part, image.pyramid, placement), walk, views, seed)
+        judged = _judge(out, image, part, placement, windows, trials, observers)
     report.rows = rows_of(trials, judged)
     report.windows = [_window_row(part, window) for window in windows]
     _finish(out, report, content, plot, strict=strict)

@@ -165,8 +165,10 @@ class Display:
                     f"(limen display {name_or_path} --ppi 100 --to-toml {Path(name_or_path).stem}.toml)"
                 )
             return cls.from_mesh(name_or_path, ppi, scale=1.0 if scale is None else scale, inward=inward)
-        if ppi is not None or scale is not None or inward:
-            raise InputError(f"{name_or_path}: resolution, scale and side are for mesh files; a display has its own")
+        of_meshes = {"--ppi": ppi is not None, "--scale": scale is not None, "--inside": inward}
+        for option, given in of_meshes.items():
+            if given:
+                raise InputError(f"{name_or_path}: {option} is for mesh files; a display has its own: leave it out")
         if name_or_path in files.preset_names():
             return cls.preset(name_or_path)
         if name_or_path.endswith(".toml") or "/" in name_or_path or Path(name_or_path).exists():

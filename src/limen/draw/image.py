@@ -237,10 +237,9 @@ class ImageLayer:
         buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **fields))
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
-        if drawable.table is not None:
-            if drawable.table is not self._table_of:
-                buffers["table"].write(records.page_table(drawable.table))
-                self._table_of = drawable.table
+        if drawable.table is not None and drawable.table is not self._table_of:
+            buffers["table"].write(records.page_table(drawable.table))
+            self._table_of = drawable.table
         if drawable.pairs is None:
             return len(quilt.panels), 0
         quads = records.page_quads(view, quilt, cut, drawable.pairs)

@@ -28,7 +28,7 @@ from limen.placement import OnShape, OnSurface, one_to_one_size_px
 from limen.select.detail import Detail, contrast_detail
 from limen.select.image import View, flat_pairs, select, view_of
 from limen.study.resolvable import places_of, resolvable_samples
-from limen.tolerance import POLICIES, Policy, Tolerance, tolerance_of
+from limen.tolerance import Policy, Tolerance, ignores_acuity, tolerance_of
 from limen.track.session import Frame, Session
 from limen.vision.acuity import acuity_from
 
@@ -213,10 +213,10 @@ def policies_of(names: Iterable[str], acuities: Iterable[str | float]) -> tuple[
     values = [acuity_from(acuity) for acuity in acuities]
     found: list[Policy] = []
     for name in names:
-        if name.partition("+")[0] in POLICIES and name != "full":
-            found += [Policy.parse(name, value) for value in values]
+        if ignores_acuity(name):
+            found.append(Policy.parse(name))
         else:
-            found.append(Policy.parse(name).timeless)
+            found += [Policy.parse(name, value).timeless for value in values]
     if not found:
         raise InputError("no policy to count: give --policy, and --acuity-arcmin for those that need it")
     return tuple(dict.fromkeys(found))
