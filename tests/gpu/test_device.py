@@ -92,5 +92,5 @@ def test_the_last_that_gives_a_device_back_ends_it() -> None:
         "assert not device._shared\n"
         "print('ended')"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    done = finished([*PYTHON, "-c", code], timeout_s=120)
     assert done.stdout == "ended\n", done.stderr
