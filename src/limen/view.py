@@ -132,6 +132,21 @@ class Windows:
         return np.concatenate([low, high], axis=1).astype(np.int64)
 
     @cached_property
+    def corners_px(self) -> Floats:
+        """Corners of outline and guard band in the first copy's pixels, shape (N, 8, 2).
+
+        Rows beyond an outline's number of corners repeat its first.
+        """
+        lines = self._lines
+        number = np.arange(MAX_OUTLINE_CORNERS)
+        here = np.where(number < lines.corner_count[:, None], number, 0)
+        before = (here - 1) % lines.corner_count[:, None]
+        edges, edges_before = (np.take_along_axis(lines.outline, at[..., None], axis=1) for at in (here, before))
+        corners = np.cross(edges_before, edges)
+        corners = corners[..., :2] / corners[..., 2:]
+        return np.asarray(corners @ lines.quilt[:, :, :2].transpose(0, 2, 1) + lines.quilt[:, None, :, 2])
+
+    @cached_property
     def light(self) -> tuple[Floats, Floats]:
         """Gain and falloff of every panel, shape (N,) each; see `limen.display.panel.Panel`."""
         panels = [self.display.panels[index] for index in self.quilt.panels]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from limen.display.quilt import Quilt
 from limen.draw import records
 from limen.draw.lens_mesh import LensMesh
+from limen.draw.matching import PanelMatching
 from limen.errors import InputError
 from limen.geometry import Vec3
 from limen.gpu.buffers import GrowingBuffer, TextureReader
@@ -29,6 +30,7 @@ from limen.select.detail import Detail
 from limen.select.image import View
 from limen.stream import Drawable, PageTable, Stream
 from limen.tolerance import Tolerance
+from limen.view import Windows
 
 __all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "Drawn", "ImageLayer", "Overlay", "Sampling", "drawable_of"]
 
@@ -41,6 +43,8 @@ EXACT_FORMAT = "rgba8unorm"
 
 _KERNELS: dict[Sampling, int] = {"fast": 0, "sharp": 1}
 _OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2, "error": 3}
+_RIM_PX = 0.01
+"""An image ends at its panel's outline; a pixel whose centre is on it is dimmed with the panel."""
 _BLACK = (0.0, 0.0, 0.0, 0.0)
 
 _NUMBERS = {
@@ -96,6 +100,8 @@ class ImageLayer:
         self._lens_mesh: LensMesh | None = None
         self._targets: dict[tuple[tuple[int, int], str], Any] = {}
         self._static_rows: dict[Quilt, records.Rows] = {}
+        self._windows: dict[Quilt, Windows] = {}
+        self._matching = PanelMatching(device)
         storage = wgpu.BufferUsage.STORAGE
         self._buffers = {
             name: GrowingBuffer(device, name, storage)
@@ -115,6 +121,7 @@ class ImageLayer:
             raise ValueError("another image, or one on a shape instead of the surface, needs another layer")
         self._view = view
         self._static_rows.clear()
+        self._windows.clear()
 
     def draw(
         self,
@@ -139,7 +146,8 @@ class ImageLayer:
         tolerance
             The tolerance that the cut was chosen for.
         eye_m
-            The eye point of an image on a shape, unless the shape fixes it.
+            The eye point of an image on a shape, unless the shape fixes it; and for whom panels are matched that lose
+            light at a slant.
         overlay
             ``levels`` tints each pixel by its level, ``error`` by how far lenses draw it from where it belongs;
             ``exact`` writes numbers instead, see `EXACT_FORMAT`.
@@ -182,6 +190,8 @@ class ImageLayer:
             stage.begin(render_pass, self._buffers, resources, target_format, overlay)
             render_pass.draw_indirect(self.lens_mesh.drawn.buffer, 0)
         render_pass.end()
+        if overlay != "exact":  # whose numbers are no light
+            self._match(encoder, quilt, eye_m, texture.create_view() if texture is not None else target, target_format)
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
 
@@ -217,6 +227,7 @@ class ImageLayer:
         for buffer in self._buffers.values():
             buffer.destroy()
         self._reader.destroy()
+        self._matching.destroy()
         self._stages.clear()
         self._sampler = self._shader = self._lens_mesh = None
 
@@ -245,6 +256,13 @@ class ImageLayer:
         quads = records.page_quads(view, quilt, cut, drawable.pairs)
         buffers["quads"].write(quads)
         return len(quads), fields.get("cells", 0)
+
+    def _match(self, encoder: Any, quilt: Quilt, eye_m: Vec3 | None, target: Any, target_format: str) -> None:
+        if quilt not in self._windows:
+            self._windows[quilt] = Windows(self._view.display, quilt, guard_px=_RIM_PX)
+        windows = self._windows[quilt]
+        eyes_m = np.zeros((0, 3)) if eye_m is None else np.array([eye_m], dtype=float)
+        self._matching.record(encoder, windows, eyes_m, target, target_format)
 
     def _panel_rows(self, quilt: Quilt, eye_m: Vec3 | None) -> records.Rows:
         if self._view.maps is None:

@@ -95,7 +95,7 @@ class LitDisplay:
         copy
             Which of the copies side by side in the textures is shown, where a quilt is drawn for two eyes.
         uneven
-            Panels show their gain, and that their light falls off at a slant.
+            Panels show that their light falls off at a slant. Their gain is in the quilts already, as on the display.
         frames
             Frames, backs and unlit panels are drawn dark. Without, they are black (and still cover what is behind
             them): a projector throws no light there.

@@ -26,7 +26,7 @@ struct Frame {
     copy_px: f32,
     // How far beyond the outline the quilt's pixels are the panel's.
     guard_px: f32,
-    // 1: gain and falloff of the panels are seen.
+    // 1: that the panels' light falls off at a slant is seen. Their gain is in the quilts.
     uneven: u32,
     // 1: backs, frames and unlit panels have their colours; 0: they are black.
     frames: u32,
@@ -44,9 +44,8 @@ struct Panel {
     // Of what is not lit; w > 0: it is a back, darker where it is seen at a slant.
     colour: vec4<f32>,
     lit: u32,
-    gain: f32,
     falloff: f32,
-    padding: u32,
+    padding: vec2<u32>,
 }
 
 // All that a fragment deep inside a panel needs, so that it reads nothing but the quilt.
@@ -59,8 +58,7 @@ struct Seen {
     @location(3) inside_too: vec4<f32>,
     @location(4) @interpolate(flat) normal: vec3<f32>,
     @location(5) @interpolate(flat) colour: vec4<f32>,
-    // Gain, falloff.
-    @location(6) @interpolate(flat) shine: vec2<f32>,
+    @location(6) @interpolate(flat) falloff: f32,
     @location(7) @interpolate(flat) lit: u32,
     @location(8) @interpolate(flat) panel: u32,
 }
@@ -87,7 +85,7 @@ fn lit_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) index
     }
     seen.normal = panels[index].normal.xyz;
     seen.colour = panels[index].colour;
-    seen.shine = vec2(panels[index].gain, panels[index].falloff);
+    seen.falloff = panels[index].falloff;
     seen.lit = panels[index].lit;
     seen.panel = index;
     return seen;
@@ -105,7 +103,7 @@ fn lit_fragment(seen: Seen) -> @location(0) vec4<f32> {
     }
     var light = footprint(seen, across, along);
     if frame.uneven == 1u {
-        light *= seen.shine.x * pow(max(cosine, 1e-6), seen.shine.y);
+        light *= pow(max(cosine, 1e-6), seen.falloff);
     }
     return vec4(light, 1.0);
 }

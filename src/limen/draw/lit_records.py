@@ -54,9 +54,8 @@ LIT_PANEL = np.dtype(
         ("normal", "<f4", 4),
         ("colour", "<f4", 4),
         ("lit", "<u4"),
-        ("gain", "<f4"),
         ("falloff", "<f4"),
-        ("padding", "<u4"),
+        ("padding", "<u4", 2),
     ]
 )
 
@@ -119,7 +118,7 @@ class PanelRows:
         repeated = _repeated(len(corners))
         row["corners_px"][:, :2] = corners[repeated]
         row["edges"][:, :3] = edges_px(corners)[repeated]
-        row["lit"], row["gain"], row["falloff"] = 1, panel.gain, panel.falloff
+        row["lit"], row["falloff"] = 1, panel.falloff
 
 
 def _repeated(count: int) -> NDArray[np.int64]:

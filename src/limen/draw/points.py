@@ -17,6 +17,7 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.data.point_nodes import CHUNK_NODES, NODE
+from limen.draw.matching import PanelMatching
 from limen.draw.points_records import CHUNK_ROW, CLOUD, CLOUD_STRIDE, PLACED, chunk_row, cloud_rows, ray_rows, stride_of
 from limen.draw.views import view_rows
 from limen.errors import DeviceLimitError, InputError
@@ -111,6 +112,7 @@ class PointsLayer:
         self._layouts = {step: self._layout(names) for step, names in _BINDINGS.items()}
         self._pipelines: dict[tuple[Any, ...], Any] = {}
         self._targets = Targets(device)
+        self._matching = PanelMatching(device)
 
     def upload(
         self, slot: int, nodes: NDArray[np.void], origin: NDArray[np.float32], step: float, radius: float
@@ -175,6 +177,7 @@ class PointsLayer:
         render_pass.set_bind_group(0, self._group("colour"))
         render_pass.draw(3)
         render_pass.end()
+        self._matching.record(encoder, windows, np.asarray(eye_m)[None], view, target_format)
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
 
@@ -184,6 +187,7 @@ class PointsLayer:
 
     def destroy(self) -> None:
         self._targets.destroy()
+        self._matching.destroy()
         for buffer in self._buffers.values():
             buffer.destroy()
         self._pipelines.clear()
@@ -205,8 +209,8 @@ class PointsLayer:
         way[:, 3] -= eye_m
         unit_m = float(np.sqrt(np.square(way[:, :3]).sum() / 3))
         buffers = self._buffers
-        buffers["cloud"].write(cloud_rows(windows, views, way, unit_m, ends=ends, lit=lit, background=self._background))
-        buffers["views"].write(view_rows([views], [np.array(0.0)], *windows.light))
+        buffers["cloud"].write(cloud_rows(windows, way, unit_m, ends=ends, lit=lit, background=self._background))
+        buffers["views"].write(view_rows([views], [np.array(0.0)]))
         buffers["rays"].write(ray_rows(windows, views))
         buffers["pairs"].write(pairs)
         buffers["placed"].reserve(max(ends[0], 1) * PLACED.itemsize)

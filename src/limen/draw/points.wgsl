@@ -53,7 +53,6 @@ struct Cloud {
     normal_from_cloud: array<vec4<f32>, 3>,
     light: vec4<f32>,
     background: vec4<f32>,
-    least_cosine: f32,
     unit_m: f32,
     is_lit: u32,
     // Where this batch of pairs begins and ends among all.
@@ -62,6 +61,7 @@ struct Cloud {
     stride: u32,
     width: u32,
     height: u32,
+    padding: u32,
 }
 
 // A splat on its panel. Pixels are two of 16 bits in a word, x in the lower.
@@ -348,12 +348,6 @@ fn hue(number: u32) -> vec3<f32> {
     return clamp(abs(vec3(turn - 3.0, 2.0 - abs(turn - 2.0), 2.0 - abs(turn - 4.0))) - vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(1.0));
 }
 
-// A panel is dimmer at an angle: those that are seen straight are dimmed to match. Harish, Narayanan 2013, section 4.1.1.
-fn made_up(view: u32, way: vec3<f32>) -> f32 {
-    let cosine = dot(views[view].w.xyz, way) / length(way);
-    return views[view].y.w * pow(min(cloud.least_cosine / max(cosine, 1e-4), 1.0), views[view].w.w);
-}
-
 @fragment
 fn colour(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(at.xy);
@@ -383,5 +377,5 @@ fn colour(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
         let tint = select(mix(vec3(0.05, 0.2, 1.0), vec3(0.1, 1.0, 0.2), much), mix(vec3(1.0, 0.05, 0.05), vec3(1.0, 0.9, 0.1), much), rim);
         light = mix(light, tint, 0.6);
     }
-    return vec4(light * made_up(pair.y, way_of(pair.y, pixel)), 1.0);
+    return vec4(light, 1.0);
 }

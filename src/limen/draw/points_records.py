@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.draw.views import least_cosine
+from limen.draw.views import ways_of_pixels
 from limen.geometry import Floats
 from limen.select.lighting import AMBIENT, TOWARD_LIGHT
 from limen.view import PanelViews, Windows
@@ -37,7 +37,6 @@ CLOUD = np.dtype(
         ("normal_from_cloud", "<f4", (3, 4)),
         ("light", "<f4", 4),
         ("background", "<f4", 4),
-        ("least_cosine", "<f4"),
         ("unit_m", "<f4"),
         ("is_lit", "<u4"),
         ("first", "<u4"),
@@ -45,6 +44,7 @@ CLOUD = np.dtype(
         ("stride", "<u4"),
         ("width", "<u4"),
         ("height", "<u4"),
+        ("padding", "<u4"),
     ]
 )
 CLOUD_STRIDE = 256
@@ -74,11 +74,8 @@ def stride_of(width_px: int) -> int:
 def ray_rows(windows: Windows, views: PanelViews) -> Rows:
     """Rows of `RAYS`: along which way each pixel sees, and which pixels may be each panel's."""
     rows = np.zeros(len(views.near), RAYS)
-    inverse = np.linalg.inv(views.clip)
-    width, height = windows.quilt.size_px
-    rows["across"][:, :3] = inverse[:, :, 0] * (2 / width)
-    rows["along"][:, :3] = inverse[:, :, 1] * (-2 / height)
-    rows["base"][:, :3] = inverse @ np.array([-1.0, 1.0, 1.0])
+    for axis, name in enumerate(("across", "along", "base")):
+        rows[name][:, :3] = ways_of_pixels(views.clip, windows.quilt.size_px)[:, :, axis]
     rows["bounds"] = windows.bounds_px
     return rows
 
@@ -92,7 +89,6 @@ def chunk_row(origin: NDArray[np.float32], step: float, radius: float) -> Rows:
 
 def cloud_rows(
     windows: Windows,
-    views: PanelViews,
     way_from_cloud: Floats,
     unit_m: float,
     *,
@@ -113,7 +109,6 @@ def cloud_rows(
     row["way_from_cloud"] = way_from_cloud
     row["normal_from_cloud"][:, :, :3] = way_from_cloud[:, :3] / unit_m
     row["light"], row["background"][:, :3] = [*TOWARD_LIGHT, AMBIENT], background
-    row["least_cosine"] = least_cosine([views], windows.light[1])
     row["unit_m"], row["is_lit"] = unit_m, lit
     row["first"], row["end"] = [0, *ends[:-1]], ends
     row["width"], row["height"] = windows.quilt.size_px

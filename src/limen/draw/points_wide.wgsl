@@ -29,7 +29,6 @@ struct Cloud {
     normal_from_cloud: array<vec4<f32>, 3>,
     light: vec4<f32>,
     background: vec4<f32>,
-    least_cosine: f32,
     unit_m: f32,
     is_lit: u32,
     // Where this batch of pairs begins and ends among all.
@@ -38,6 +37,7 @@ struct Cloud {
     stride: u32,
     width: u32,
     height: u32,
+    padding: u32,
 }
 
 struct Placed {

@@ -14,6 +14,7 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.data.mesh import Mesh
+from limen.draw.matching import PanelMatching
 from limen.draw.sort import TriangleSorter
 from limen.draw.sort_paper import PaperSorter
 from limen.draw.sort_peers import OctreeSorter, WholeScene
@@ -101,6 +102,8 @@ class SceneLayer:
         self._layout = self._bind_group_layout()
         self._pipelines: dict[tuple[str, Depth, SceneOverlay | None], Any] = {}
         self._targets = Targets(device)
+        self._matching = PanelMatching(device)
+        self._eyes_m = np.zeros((0, 3))
 
     def move(self, mesh: Mesh) -> None:
         """The same triangles with other places and normals: what the next frames show."""
@@ -149,17 +152,17 @@ class SceneLayer:
         ]
         eye_from_mesh = np.repeat(np.asarray(room_from_mesh, dtype=float)[None, :3], len(eyes_m), axis=0)
         eye_from_mesh[:, :, 3] -= eyes_m
-        gain, falloff = windows.light
         if forward is None:
             forward = windows.middle_m - eyes_m
         forward = forward / np.maximum(np.linalg.norm(forward, axis=1, keepdims=True), 1e-12)
         self._scene.write(
             scene_row(
-                views, room_from_mesh, vertices=self.sorter.vertex_count, forward=forward, near_m=NEAR_M,
-                light=np.array([*TOWARD_LIGHT, AMBIENT]), falloff=falloff,
+                room_from_mesh, vertices=self.sorter.vertex_count, panels=len(windows.quilt.panels), forward=forward,
+                near_m=NEAR_M, light=np.array([*TOWARD_LIGHT, AMBIENT]),
             )
         )  # fmt: skip
-        self.sorter.sort(views, eye_from_mesh, (gain, falloff))
+        self._eyes_m = eyes_m
+        self.sorter.sort(views, eye_from_mesh)
         return self.sorter.settle()
 
     def draw(
@@ -209,6 +212,7 @@ class SceneLayer:
 
     def destroy(self) -> None:
         self._targets.destroy()
+        self._matching.destroy()
         self._pictures.destroy()
         for buffer in (self._corners, self._scene):
             buffer.destroy()
@@ -248,6 +252,7 @@ class SceneLayer:
         render_pass.set_bind_group(0, self._group())
         self.sorter.record(render_pass, windows)
         render_pass.end()
+        self._matching.record(encoder, windows, self._eyes_m, view, target_format)
         self._device.wgpu.queue.submit([encoder.finish()])
 
     def _group(self) -> Any:

@@ -36,10 +36,9 @@ struct Corner {
 struct Scene {
     vertices: u32,
     panels: u32,
-    // Smallest cosine between a panel's normal and the way to the eye that brightness makes up for.
-    least_cosine: f32,
     // Of the viewer's camera, for a depth that all panels share.
     near: f32,
+    padding: u32,
     // Per eye: where the viewer's camera looks.
     forward: array<vec4<f32>, 2>,
     // Three rows: normals in the room, from the mesh's coordinates.
@@ -169,13 +168,7 @@ fn lit(in: Shaded) -> vec4<f32> {
     if OVERLAY == 1u {
         light = mix(light, panel_colour(in.view % scene.panels), 0.4);
     }
-    return vec4(light * made_up(in.view, in.way), colour.a);
-}
-
-// A panel is dimmer at an angle: those that are seen straight are dimmed to match. Harish, Narayanan 2013, section 4.1.1.
-fn made_up(view: u32, way: vec3<f32>) -> f32 {
-    let cosine = dot(views[view].w.xyz, way) / length(way);
-    return views[view].y.w * pow(min(scene.least_cosine / max(cosine, 1e-4), 1.0), views[view].w.w);
+    return vec4(light, colour.a);
 }
 
 fn shared_depth(view: u32, way: vec3<f32>) -> f32 {

@@ -29,8 +29,8 @@ struct Corner {
 struct Scene {
     vertices: u32,
     panels: u32,
-    least_cosine: f32,
     near: f32,
+    padding: u32,
     forward: array<vec4<f32>, 2>,
     normal_from_mesh: array<vec4<f32>, 3>,
     light: vec4<f32>,

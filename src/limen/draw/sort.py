@@ -44,12 +44,10 @@ class TriangleSorter(Sorter):
     }
     parts: ClassVar[Parts] = {"first pass": ("locate", "assign"), "second pass": ("plan", "search", "finish")}
 
-    def _prepare(
-        self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]
-    ) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
         grids = [direction_grid(view) for view in views]
         words, begins = grid_words(grids)
-        self.buffers["views"].write(view_rows(views, [grid.erosion_px for grid in grids], *light))
+        self.buffers["views"].write(view_rows(views, [grid.erosion_px for grid in grids]))
         self.buffers["grid"].write(words)
         self.buffers["waiting"].reserve(self.triangle_count * self.eyes * 4)
         return sort_frame(

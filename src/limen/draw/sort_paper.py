@@ -64,11 +64,9 @@ class PaperSorter(Sorter):
 
     _octree: Octree | None = None
 
-    def _prepare(
-        self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]
-    ) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
         octree = self._octree_of(views[0].outline_m)
-        rows = view_rows(views, [np.array(GUARD_PX)] * self.eyes, *light).reshape(self.eyes, -1)
+        rows = view_rows(views, [np.array(GUARD_PX)] * self.eyes).reshape(self.eyes, -1)
         row = np.zeros(1, PAPER_FRAME)
         row["vertices"], row["triangles"], row["panels"] = self.vertex_count, self.triangle_count, self.panels
         row["eyes"] = self.eyes

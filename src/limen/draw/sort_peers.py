@@ -42,10 +42,8 @@ class _SceneSorter(Sorter):
     )  # fmt: skip
     written = ("ways", "bounds", "tally", "leaves", "members", "hits", "pairs", "counters", "arguments")
 
-    def _prepare(
-        self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]
-    ) -> NDArray[np.void]:
-        self.buffers["views"].write(view_rows(views, [np.array(0.0)] * self.eyes, *light))
+    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
+        self.buffers["views"].write(view_rows(views, [np.array(0.0)] * self.eyes))
         self.buffers["bounds"].reserve(24)
         row = np.zeros(1, OCTREE_FRAME)
         row["vertices"], row["triangles"], row["panels"] = self.vertex_count, self.triangle_count, self.panels
@@ -78,15 +76,13 @@ class OctreeSorter(_SceneSorter):
 
     _member_capacity = 0
 
-    def _prepare(
-        self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]
-    ) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
         if not self._member_capacity:
             self._member_capacity = self.triangle_count * _FIRST_MEMBERS + _FIRST_MEMBERS_IN_ALL
         self.buffers["tally"].reserve(LEAVES**3 * 4)
         self.buffers["leaves"].reserve(LEAVES**3 * 8)
         self.buffers["hits"].reserve(LEAVES**3 * self.panels * self.eyes * _HIT_BYTES)
-        return super()._prepare(views, eye_from_mesh, light)
+        return super()._prepare(views, eye_from_mesh)
 
     def _sizes(self) -> dict[str, Groups]:
         each = (-(-self.triangle_count // GROUP), 1, 1)
@@ -125,12 +121,10 @@ class WholeScene(_SceneSorter):
     _views: Sequence[PanelViews] = ()
     _boxes: tuple[Windows, list[tuple[int, ...]]] | None = None
 
-    def _prepare(
-        self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]
-    ) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
         self.pair_capacity = 1
         self._views = views
-        return super()._prepare(views, eye_from_mesh, light)
+        return super()._prepare(views, eye_from_mesh)
 
     def _sizes(self) -> dict[str, Groups]:
         return {"transform": (-(-self.vertex_count // GROUP), self.eyes, 1)}

@@ -121,7 +121,7 @@ class Sorter:
         self.triangle_count = len(triangles)
         self.buffers["triangles"].write(triangles)
 
-    def sort(self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]) -> None:
+    def sort(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> None:
         """Submit the sorting of one frame.
 
         Parameters
@@ -130,8 +130,6 @@ class Sorter:
             The panels as each eye sees them; one eye or two.
         eye_from_mesh
             Affine maps from the mesh's coordinates to the way from each eye, metres: shape (E, 3, 4).
-        light
-            See `limen.draw.views.view_rows`: gain and falloff of every panel.
         """
         self.eyes, self.panels = len(views), len(views[0].near)
         if self.eyes > MOST_EYES:
@@ -139,7 +137,7 @@ class Sorter:
         if not self.pair_capacity:
             self.pair_capacity = int(self.triangle_count * self.eyes * _FIRST_SHARE) + self.panels * _FIRST_PER_PANEL
         self.buffers["ways"].reserve(self.vertex_count * self.eyes * 16)
-        self._frame = self._prepare(views, eye_from_mesh, light)
+        self._frame = self._prepare(views, eye_from_mesh)
         self.submit()
 
     def settle(self) -> int:
@@ -202,9 +200,7 @@ class Sorter:
 
     # ------------------------------------------------------------------ what ways of sorting differ in
 
-    def _prepare(
-        self, views: Sequence[PanelViews], eye_from_mesh: Floats, light: tuple[Floats, Floats]
-    ) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
         """Write what the steps read; the one row of ``frame``, but for its ``pair_capacity``."""
         raise NotImplementedError
 

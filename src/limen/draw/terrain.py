@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from limen.data.pages import Pyramid
 from limen.data.terrain import PatchSource
 from limen.draw import terrain_records as records
+from limen.draw.matching import PanelMatching
 from limen.draw.records import page_table
 from limen.draw.terrain_look import TerrainLook, contour_interval_m
 from limen.draw.terrain_pipeline import BINDINGS, OUTLINE_VERTICES, TerrainOverlay, TerrainPipelines
@@ -147,6 +148,7 @@ class TerrainLayer:
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
         self._pipelines = TerrainPipelines(device, clip=clip, holes=ground.has_voids)
         self._targets = Targets(device)
+        self._matching = PanelMatching(device)
 
     def write(self, uploads: Sequence[PatchUpload]) -> None:
         """Copy patches to where a stream placed them; drawing submitted before still sees what was there."""
@@ -255,6 +257,7 @@ class TerrainLayer:
                 target_format, look.colours, contours=contours, panels=overlay == "panels", fading=self._fading
             )
             self._record_picture(encoder, picture, group, depth, colour, np.flatnonzero(facing).tolist())
+        self._matching.record(encoder, windows, eyes_m, view, target_format)
         self._device.wgpu.queue.submit([encoder.finish()])
         return texture
 
@@ -271,6 +274,7 @@ class TerrainLayer:
         for buffer in (self._vertices, self._cores, self._rims, *self._buffers.values()):
             buffer.destroy()
         self._targets.destroy()
+        self._matching.destroy()
         self._pipelines.clear()
 
     # ------------------------------------------------------------------ steps of a draw

@@ -16,6 +16,7 @@ from limen.data.pages import Pyramid
 from limen.data.terrain import Nodes, Patch
 from limen.draw import terrain_look
 from limen.draw.terrain_look import TerrainLook
+from limen.draw.views import ways_of_pixels
 from limen.geometry import Floats
 from limen.gpu.pool import PAGE_SIDE
 from limen.select.detail import KEPT
@@ -192,15 +193,9 @@ def in_strides(rows: Rows) -> NDArray[np.uint8]:
 def _write_ways(
     row: Rows, view: PanelViews, posts_from_room: Floats, origin_m: Floats, size_px: tuple[int, int]
 ) -> None:
-    """What leads back from a pixel and its depth, near / w, to a place: the eye + (way of the pixel) / depth.
-
-    Clip space's x, y, w are linear in the way from the eye, so that way is w times the inverse of those forms, applied
-    to (x / w, y / w, 1), which is affine in the pixel.
-    """
+    """What leads back from a pixel and its depth, near / w, to a place: the eye + (way of the pixel) / depth."""
     facing = view.facing
-    width, height = size_px
-    clip_from_pixel = np.array([[2 / width, 0.0, -1.0], [0.0, -2 / height, 1.0], [0.0, 0.0, 1.0]])
-    way_from_pixel = posts_from_room @ np.linalg.inv(view.clip[facing]) @ clip_from_pixel
+    way_from_pixel = posts_from_room @ ways_of_pixels(view.clip[facing], size_px)
     row["eye"][:, :3] = posts_from_room @ (view.eye_m - origin_m)
     for axis, name in enumerate(("way_right", "way_down", "way")):
         row[name][facing, :3] = way_from_pixel[:, :, axis] * view.near[facing, None]

@@ -24,12 +24,13 @@ __all__ = [
     "PAPER_FRAME",
     "SCENE",
     "SORT_FRAME",
+    "Rows",
     "corner_rows",
     "grid_words",
-    "least_cosine",
     "scene_row",
     "sort_frame",
     "view_rows",
+    "ways_of_pixels",
 ]
 
 Rows: TypeAlias = NDArray[np.void]
@@ -94,32 +95,27 @@ SCENE = np.dtype(
     [
         ("vertices", "<u4"),
         ("panels", "<u4"),
-        ("least_cosine", "<f4"),
         ("near", "<f4"),
+        ("padding", "<u4"),
         ("forward", "<f4", (2, 4)),
         ("normal_from_mesh", "<f4", (3, 4)),
         ("light", "<f4", 4),
     ]
 )
 
-_MOST_OBLIQUE_COSINE = 0.35
-"""Panels seen at less than 20 degrees stay dimmer, or all others would have to be."""
 
-
-def view_rows(views: Sequence[PanelViews], erosion_px: Sequence[Floats], gain: Floats, falloff: Floats) -> Rows:
+def view_rows(views: Sequence[PanelViews], erosion_px: Sequence[Floats]) -> Rows:
     """Rows of `PANEL_VIEW`: all panels of the first eye, then all of the second.
 
     Parameters
     ----------
     erosion_px
         For each eye: how far inside each edge and its guard the sorter takes a panel to begin, (N, 8) or one number.
-    gain, falloff
-        Of every panel of the quilt, shape (N,): factor on its light, exponent of its loss with angle.
     """
-    rows = np.zeros((len(views), len(gain)), PANEL_VIEW)
+    rows = np.zeros((len(views), len(views[0].near)), PANEL_VIEW)
     for eye, (row, view, erosion) in enumerate(zip(rows, views, erosion_px, strict=True)):
         row["x"][:, :3], row["y"][:, :3], row["w"][:, :3] = (view.clip[:, axis] for axis in range(3))
-        row["x"][:, 3], row["y"][:, 3], row["w"][:, 3] = view.near, gain, falloff
+        row["x"][:, 3] = view.near
         row["edges"][..., :3], row["edges"][..., 3] = view.edges, erosion
         row["corners"][..., :3] = view.corners
         row["corner_count"], row["eye"] = view.corner_count, eye
@@ -174,14 +170,13 @@ def corner_rows(mesh: Mesh) -> Rows:
 
 
 def scene_row(
-    views: Sequence[PanelViews],
     room_from_mesh: Floats,
     *,
     vertices: int,
+    panels: int,
     forward: Floats,
     near_m: float,
     light: Floats,
-    falloff: Floats,
 ) -> Rows:
     """The one row of `SCENE`.
 
@@ -193,22 +188,20 @@ def scene_row(
         Where each eye's camera looks, unit vectors, shape (E, 3).
     light
         Toward the light (unit vector) and the share of light that comes from everywhere: shape (4,).
-    falloff
-        See `view_rows`. Brightness is evened out down to the most oblique panel that faces an eye, within limits.
     """
     row = np.zeros(1, SCENE)
-    row["vertices"], row["panels"], row["near"], row["light"] = vertices, len(falloff), near_m, light
-    row["least_cosine"] = least_cosine(views, falloff)
+    row["vertices"], row["panels"], row["near"], row["light"] = vertices, panels, near_m, light
     row["forward"][0, : len(forward), :3] = forward
     row["normal_from_mesh"][0, :, :3] = np.linalg.inv(np.asarray(room_from_mesh)[:3, :3]).T
     return row
 
 
-def least_cosine(views: Sequence[PanelViews], falloff: Floats) -> float:
-    """Of the angle between a panel's normal and the way to the eye, over the corners of panels that lose light."""
-    least = 1.0
-    for view in views:
-        used = (view.facing & (falloff > 0))[:, None] & (np.arange(view.corners.shape[1]) < view.corner_count[:, None])
-        cosine = np.einsum("na,nka->nk", view.clip[:, 2], view.corners)[used]
-        least = min(least, float(cosine.min(initial=1.0)))
-    return max(least, _MOST_OBLIQUE_COSINE)
+def ways_of_pixels(clip: Floats, size_px: tuple[int, int]) -> Floats:
+    """Ways from the eye through pixels of what is drawn into, shape (N, 3, 3): times (x, y, 1), with w = 1.
+
+    Clip space's x, y, w are linear in the way from the eye, so it is the inverse of those forms (``clip``, shape
+    (N, 3, 3)), applied to (x / w, y / w, 1), which is affine in the pixel.
+    """
+    width, height = size_px
+    clip_from_pixel = np.array([[2 / width, 0.0, -1.0], [0.0, -2 / height, 1.0], [0.0, 0.0, 1.0]])
+    return np.asarray(np.linalg.inv(clip) @ clip_from_pixel)
