@@ -228,7 +228,11 @@ def test_a_mesh_takes_its_place_and_two_eyes(knot, device):
     ("options", "says"),
     [
         ({"viewers": []}, "give a viewer"),
-        ({"overlay": "levels"}, "are for images"),
+        ({"overlay": "levels"}, "'levels' is not for a mesh: give 'panels' or 'simplified'"),
+        ({"overlay": "simplified"}, "'simplified' shows what a policy leaves out"),
+        ({"acuity_arcmin": 1.0}, "acuity_arcmin changes nothing"),
+        ({"acuity_arcmin": 1.0, "policy": Policy()}, "a Policy has its own"),
+        ({"panels": ["window", "wimdow"]}, "matches wimdow"),
         ({"placement": OnSurface("cover")}, "are for images"),
         ({"policy": "everything"}, "no policy"),
         ({"stereo": "polarised"}, "no stereo is named"),

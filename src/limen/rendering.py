@@ -27,9 +27,9 @@ from limen.scene import SceneRenderer, Simplified, Stereo
 from limen.select.mesh import Foldable
 from limen.terrain import TerrainRenderer
 from limen.terrain_choice import TerrainSettings
-from limen.tolerance import Policy
+from limen.tolerance import Policy, ignores_acuity
 from limen.viewer import Viewer
-from limen.vision.acuity import HUMAN_ARCMIN
+from limen.vision.acuity import HUMAN_ARCMIN, acuity_from
 
 if TYPE_CHECKING:
     from limen.data.points_file import Points
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = ["render"]
 
-_FULL = Policy("full")
 _NAMES = {"mesh": "a mesh", "points": "a cloud of points", "terrain": "a terrain"}
 
 
@@ -106,26 +105,35 @@ def render(
     NoAdapterError
         If there is no graphics adapter, not even a software one.
     """
-    chosen = (policy if isinstance(policy, Policy) else Policy.parse(policy or "acuity", acuity_arcmin)).timeless
-    wanted = display.select(panels)
-    if scale != 1.0:
-        wanted = wanted.scaled(scale)
-    opened = open_content(content) if isinstance(content, str | Path) else content
-    if policy is None and isinstance(opened, Mesh):
-        chosen = _FULL
-    asked = _Asked(display, wanted, list(viewers), chosen, placement, overlay, stereo)
-    with _lent(device) as adapter, ExitStack() as stack:
-        if isinstance(opened, Image):
-            if opened is not content:
-                stack.enter_context(opened)
-            return _image_pictures(adapter, opened, asked)
-        if not viewers:
+    with ExitStack() as stack:
+        opened = open_content(content) if isinstance(content, str | Path) else content
+        if isinstance(opened, Image) and opened is not content:
+            stack.enter_context(opened)
+        if policy is None:
+            policy = "full" if isinstance(opened, Mesh) else "acuity"
+        wanted = display.select(panels).scaled(scale)
+        asked = _Asked(display, wanted, list(viewers), _policy(policy, acuity_arcmin), placement, overlay, stereo)
+        if not viewers and not isinstance(opened, Image):
             raise InputError(f"{_NAMES[opened.kind]} is drawn for somebody's eyes: give a viewer")
+        adapter = stack.enter_context(_lent(device))
+        if isinstance(opened, Image):
+            return _image_pictures(adapter, opened, asked)
         if isinstance(opened, Mesh):
             return _mesh_pictures(adapter, opened, asked)
         if opened.kind == "points":
             return _splats(adapter, cast("Points", opened), asked)
         return _land(adapter, cast("Terrain", opened), asked)
+
+
+def _policy(policy: str | Policy, acuity_arcmin: str | float) -> Policy:
+    """Raises InputError for an acuity that the policy does not go by."""
+    if acuity_from(acuity_arcmin) != HUMAN_ARCMIN and (isinstance(policy, Policy) or ignores_acuity(policy)):
+        raise InputError(
+            f"acuity_arcmin changes nothing of a policy that says its own or goes by none ({policy}): leave it out"
+            if isinstance(policy, str)
+            else "acuity_arcmin is of policies that are named: a Policy has its own, leave one of them out"
+        )
+    return (policy if isinstance(policy, Policy) else Policy.parse(policy, acuity_arcmin)).timeless
 
 
 class _Asked(NamedTuple):
@@ -142,8 +150,12 @@ class _Asked(NamedTuple):
 
 def _image_pictures(device: Device, image: Image, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
     placement, overlay = asked.placement, asked.overlay
-    if not isinstance(placement, OnSurface | OnShape | None) or asked.stereo != "none":
-        raise InputError("stereo, (4, 4) placements and LookAt are for terrains or for meshes, not for images")
+    if asked.stereo != "none":
+        raise InputError("stereo is for meshes, not for images: leave it out")
+    if not isinstance(placement, OnSurface | OnShape | None):
+        raise InputError(
+            "(4, 4) placements are for meshes, not for images, and a LookAt is for terrains: give OnSurface"
+        )
     if overlay not in (None, "levels", "error"):
         raise InputError(
             f"the overlay '{overlay}' is for terrains or for meshes, not for images: give 'levels' or 'error'"
@@ -154,12 +166,9 @@ def _image_pictures(device: Device, image: Image, asked: _Asked) -> dict[str, ND
 
 
 def _mesh_pictures(device: Device, mesh: Mesh, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
-    placement, overlay = asked.placement, asked.overlay
-    if overlay not in (None, "panels", "simplified") or isinstance(placement, OnSurface | OnShape | LookAt):
-        raise InputError(
-            "other overlays than 'panels' and 'simplified' and placements on surfaces are for images, LookAt is for "
-            "terrains: a mesh takes a (4, 4) placement"
-        )
+    placement, overlay = asked.placement, _scene_overlay("a mesh", asked)
+    if overlay == "simplified" and asked.policy.name == "full":
+        raise InputError("the overlay 'simplified' shows what a policy leaves out: give one, as contrast+gaze")
     # The whole display says where the mesh stands, whichever panels are drawn.
     stands = mesh_in_room(mesh.bounds, asked.whole) if placement is None else np.asarray(placement, dtype=float)
     simplified = None
@@ -174,12 +183,23 @@ def _mesh_pictures(device: Device, mesh: Mesh, asked: _Asked) -> dict[str, NDArr
         return {name: picture.copy() for name, picture, _ in seen}
 
 
+def _scene_overlay(what: str, asked: _Asked) -> SceneOverlay | None:
+    """The overlay, if it is one of meshes and points; raises InputError also for placements that are not for them."""
+    overlay, placement = asked.overlay, asked.placement
+    if overlay not in (None, "panels", "simplified"):
+        raise InputError(f"the overlay '{overlay}' is not for {what}: give 'panels' or 'simplified'")
+    if isinstance(placement, OnSurface | OnShape | LookAt):
+        others = "terrains" if isinstance(placement, LookAt) else "images"
+        raise InputError(
+            f"placements of the kind {type(placement).__name__} are for {others}: {what} takes a (4, 4) matrix"
+        )
+    return overlay
+
+
 def _splats(device: Device, points: Points, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
     from limen.points import PointsRenderer
 
-    placement, overlay = asked.placement, asked.overlay
-    if overlay not in (None, "panels", "simplified") or isinstance(placement, OnSurface | OnShape | LookAt):
-        raise InputError("points take the overlay 'panels' or 'simplified', and a (4, 4) placement")
+    placement, overlay = asked.placement, _scene_overlay("a cloud of points", asked)
     if asked.stereo != "none":
         raise InputError("points are drawn for one eye: leave out stereo")
     stands = (
@@ -194,8 +214,10 @@ def _splats(device: Device, points: Points, asked: _Asked) -> dict[str, NDArray[
 
 def _land(device: Device, terrain: Terrain, asked: _Asked) -> dict[str, NDArray[np.uint8]]:
     placement, overlay = asked.placement, asked.overlay
-    if overlay not in (None, "panels", "patches") or not isinstance(placement, LookAt | None):
-        raise InputError("a terrain takes the overlay 'panels' or 'patches' and a LookAt as its placement")
+    if overlay not in (None, "panels", "patches"):
+        raise InputError(f"the overlay '{overlay}' is not for a terrain: give 'panels' or 'patches'")
+    if not isinstance(placement, LookAt | None):
+        raise InputError(f"a placement of the kind {type(placement).__name__} is not for a terrain: give a LookAt")
     if asked.stereo != "none":
         raise InputError("a terrain is drawn for one eye: leave out stereo")
     settings = TerrainSettings(placement or LookAt())

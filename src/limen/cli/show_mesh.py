@@ -35,6 +35,7 @@ from limen.viewer import Viewer
 __all__ = [
     "MESH_DEFAULT",
     "MeshOptions",
+    "Write",
     "check_quilts",
     "lit_display",
     "mesh_row",

@@ -14,7 +14,7 @@ from limen.cli.asked import Asked
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.cli.show_live import say_who, show_live
-from limen.cli.show_mesh import MeshOptions, check_quilts, lit_display, onlookers, visible_from
+from limen.cli.show_mesh import MeshOptions, Write, check_quilts, lit_display, onlookers, visible_from
 from limen.gpu.device import open_device
 from limen.present.file import write_picture
 from limen.tolerance import Policy
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from limen.points import PointsReport
     from limen.points_stage import PointsExhibit
 
-__all__ = ["POINTS_DEFAULT", "PointsOptions", "points_row", "show_points"]
+__all__ = ["POINTS_DEFAULT", "PointsOptions", "points_row", "show_points", "write_points_frames"]
 
 
 @Parameter(name="*", group=Group("Points"))
@@ -74,30 +74,37 @@ def show_points(
     asked.say_scale(out)
     moments = asked.moments()
     say_who(moments[0], out)
-    drawn = _write_frames(out, exhibit, shown.scaled(asked.files.scale), moments, mesh, folder, asked)
+    drawn = write_points_frames(
+        out, exhibit, shown.scaled(asked.files.scale), moments, folder, asked.files.picture_format, write=mesh.write,
+        overlay=None if asked.overlay == "none" else overlay, simulate=asked.files.simulate,
+        seen_from=asked.files.seen_from,
+    )  # fmt: skip
     rows = [points_row(report, files) for report, files in drawn]
     _print_rows(out, rows, folder)
     out.result({"frames": rows})
 
 
-def _write_frames(
+def write_points_frames(
     out: Output,
     exhibit: PointsExhibit,
     display: Display,
     moments: Sequence[Sequence[Viewer]],
-    mesh: MeshOptions,
     folder: Path,
-    asked: Asked,
+    suffix: str,
+    *,
+    write: Write,
+    overlay: PointsOverlay | None,
+    simulate: bool,
+    seen_from: str,
 ) -> Iterator[tuple[PointsReport, list[str]]]:
+    """Write what every panel or quilt shows, frame by frame: the frame's report, and the files."""
     from limen.points import PointsReport
 
-    overlay = None if asked.overlay == "none" else exhibit.overlay
-    suffix = asked.files.picture_format
     with ExitStack() as stack:
         device = stack.enter_context(open_device())
         renderer = stack.enter_context(exhibit.renderer(device, display))
         simulated = renderer
-        if asked.files.simulate and lit_display(display) is not display:
+        if simulate and lit_display(display) is not display:
             simulated = stack.enter_context(exhibit.renderer(device, lit_display(display)))
         step = stack.enter_context(out.progress("drawing", len(moments)))
         for number, viewers in enumerate(moments):
@@ -106,12 +113,12 @@ def _write_frames(
             target = folder / f"frame-{number:04d}"
             files: list[str] = []
             reports: dict[int, PointsReport] = {}  # one for every quilt
-            draw = renderer.quilt_pictures if mesh.write == "quilts" else renderer.pictures
+            draw = renderer.quilt_pictures if write == "quilts" else renderer.pictures
             for name, picture, report in draw(viewers, exhibit.policy, overlay=overlay):
                 files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
                 reports[id(report)] = report
-            if asked.files.simulate:
-                cameras = onlookers(simulated.display, viewers[0], asked.files.seen_from)
+            if simulate:
+                cameras = onlookers(simulated.display, viewers[0], seen_from)
                 seen = simulated.seen(viewers, exhibit.policy, list(cameras.values()), overlay=overlay)
                 for name, picture in zip(cameras, seen, strict=True):
                     files.append(str(write_picture(target / f"{name}.{suffix}", picture)))

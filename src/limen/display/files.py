@@ -172,6 +172,11 @@ def _panels(content: DisplayFile, folder: Path = Path()) -> tuple[Panel, ...]:
     for mesh in content.meshes:
         panels += mesh_panels(mesh, folder, surface_left_m=edge, luminance_cd_m2=content.luminance_cd_m2)
         edge = max(panel.surface_m[0] + panel.size_m[0] for panel in panels)
+    for adjustment in content.adjustments:
+        if not any(fnmatchcase(panel.name, adjustment.panels) for panel in panels):
+            raise DisplayError(
+                f"[[adjust]] panels = '{adjustment.panels}' matches no panel; a name looks like '{panels[0].name}'"
+            )
     return tuple(_adjusted(panel, content.adjustments) for panel in panels)
 
 
