@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,9 @@ class Screen:
         from limen.stage import MeshExhibit, SceneSettings
 
         self.device = device
-        self.live = LiveScene(device, MeshExhibit(mesh, SceneSettings(**fields)), display, tour)
+        of_exhibit = {name: fields.pop(name) for name in ("simplified", "overlay") if name in fields}
+        exhibit = MeshExhibit(mesh, SceneSettings(**fields), **of_exhibit)
+        self.live = LiveScene(device, exhibit, display, tour, overlay="overlay" in of_exhibit)
         self._reader = TextureReader(device)
         self.title = ""
 
@@ -250,3 +253,30 @@ def test_closing_frees_what_was_made(device: Any, mesh: Mesh, monkeypatch: pytes
                 screen.draw(size_px=size_px)
     assert len(made) > 30
     assert not [thing.label for thing in made if id(thing) not in destroyed]
+
+
+def test_what_a_window_is_asked_for_reaches_the_renderer(device: Any, mesh: Mesh) -> None:
+    """The overlay by its name, the depth that panels share, and where somebody before a window looks."""
+    from limen.data.tree_build import build_vertex_tree
+    from limen.scene import Simplified
+    from limen.select.mesh import Foldable
+    from limen.tolerance import Policy
+
+    simplified = Simplified(Foldable(build_vertex_tree(mesh)), Policy("contrast", 6.0, gaze=True))
+    with (
+        Screen(device, mesh, simplified=simplified, overlay="panels") as panels,
+        Screen(device, mesh, simplified=simplified, overlay="simplified") as folded,
+    ):
+        assert share_apart(panels.draw(), folded.draw()) > 0.05
+    beside = replace(STANDER, gaze=(1.0, 0.0, -0.2))
+    with (
+        Screen(device, mesh, simplified=simplified) as ahead,
+        Screen(device, mesh, tour=beside, simplified=simplified) as aside,
+    ):
+        ahead.draw()
+        aside.draw()
+        assert ahead.live.last is not None and aside.live.last is not None
+        assert aside.live.last.left < ahead.live.last.left, "less is left of what is seen from the corner of the eye"
+    with Screen(device, mesh, depth="shared") as screen:
+        screen.draw()
+        assert screen.live._stage._renderer._depth == "shared"

@@ -70,6 +70,19 @@ def test_the_overlay_shows_near_detail_in_red(world, tmp_path, capsys):
 
 
 @pytest.mark.gpu
+@pytest.mark.parametrize("policy", ["acuity", "contrast"])
+def test_a_preview_tells_what_the_true_panels_need(policy, world, tmp_path, capsys):
+    words = ("show", world, "--display", "rostock", "--panels", "wall/2,1", "--fit", "cover", "--policy", policy)
+    frames = []
+    for scale in ("1", "0.1"):
+        assert limen(*words, "--viewer", "-1.4,2,-1.3", "--out", tmp_path / scale, "--scale", scale, "--json") == 0
+        frames += json.loads(capsys.readouterr().out)["frames"]
+    true, small = frames
+    assert (small["pages"], small["max_error_px"]) == (true["pages"], true["max_error_px"])
+    assert (true["scale"], small["scale"]) == (1.0, pytest.approx(0.1))
+
+
+@pytest.mark.gpu
 def test_a_window_opens_and_closes(world):
     """A real window on a virtual screen, drawn for some seconds."""
     if shutil.which("xvfb-run") is None:

@@ -20,6 +20,7 @@ import limen
 from limen.cli.app import main
 from limen.data import sample_image
 from limen.data.mesh_sample import sample_mesh
+from limen.display.display import Display
 from processes import CHILD, LIMEN, finished, started
 
 SEEN_PX = (320, 240)
@@ -182,6 +183,22 @@ def test_quilts_are_written_whole(knot: Path, show: Show) -> None:
     (both,) = pictures(show(*words, "--write", "quilts", "--stereo", "side-by-side")[0]).values()
     assert lit(both[:, : both.shape[1] // 2]).any()
     assert lit(both[:, both.shape[1] // 2 :]).any()
+
+
+@pytest.mark.gpu
+def test_the_quilts_of_a_display_are_written_as_its_file_has_them(knot: Path, show: Show, tmp_path: Path) -> None:
+    wall = tmp_path / "wall.toml"
+    (panel,) = Display.preset("desktop").scaled(0.1).panels
+    size = panel.size_px
+    quilt = f'[[quilt]]\nsize_px = [{size[0] + 30}, {size[1] + 20}]\noutput = "left"\n'
+    place = f'[[quilt.panel]]\nname = "{panel.name}"\noffset_px = [9, 7]\n'
+    wall.write_text(Display("desk", (panel,)).to_toml() + quilt + place)
+    (frame,) = show(knot, "--display", wall, "--write", "quilts")
+    (name,) = frame["files"]
+    assert Path(name).stem == "left"
+    with Picture.open(name) as picture:
+        assert picture.size == (size[0] + 30, size[1] + 20)
+    assert frame["scale"] == 1
 
 
 @pytest.mark.gpu

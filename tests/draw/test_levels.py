@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
+from limen.data.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.placement import OnShape, OnSurface
@@ -214,3 +215,23 @@ def test_a_preview_is_tinted_by_the_levels_of_the_true_panels(studio: Any, memor
         assert np.abs(small - plain).mean() > 15
         green = small[..., 1] - plain[..., 1]
         assert green.max() - green.min() > 40, "several rings"
+
+
+@pytest.mark.parametrize("gaze", [False, True])
+def test_a_preview_shows_the_true_levels_where_detail_is_faint_too(gaze: bool, studio: Any, memory_image: Any) -> None:
+    """What is tinted is one grey, so that a preview differs from the true panels by its tints alone."""
+    display = Display.window((640, 480), pitch_m=0.002, distance_m=1.0)
+    viewer = Viewer((0.3, 0.1, -0.4), gaze=(-0.6, 0.2, -0.6))
+    tolerance = tolerance_of([viewer], Policy("contrast", 14.0, gaze=gaze))
+    image = memory_image(np.full((2400, 3200, 3), 120, np.uint8))
+    share = np.random.default_rng(3).choice([0.0, 0.3, 0.9, 1.0], image.pyramid.page_count)
+    detail = reduced_detail(image.pyramid, share)
+    true, small, other = (
+        studio.draw(image, shown, OnSurface("cover"), each, overlay="levels", detail=detail)["window"][..., :3]
+        for shown, each in ((display, tolerance), (display.scaled(0.25), tolerance), (display.scaled(0.25), _FULL))
+    )
+    sampled = linear_of_srgb(true / 255.0).reshape(120, 4, 160, 4, 3).mean((1, 3))
+    off = np.abs(sampled - linear_of_srgb(small / 255.0)).max(axis=-1)
+    assert np.percentile(off, 95) < 0.01 and off.mean() < 0.003, "but for the edges of pages"
+    assert len(np.unique(small.reshape(-1, 3), axis=0)) > 3, "several levels"
+    assert (small != other).any()
