@@ -227,7 +227,9 @@ def test_a_preview_shows_the_true_levels_where_detail_is_faint_too(gaze: bool, s
     share = np.random.default_rng(3).choice([0.0, 0.3, 0.9, 1.0], image.pyramid.page_count)
     detail = reduced_detail(image.pyramid, share)
     true, small, other = (
-        studio.draw(image, shown, OnSurface("cover"), each, overlay="levels", detail=detail)["window"][..., :3]
+        studio.draw(image, shown, OnSurface("cover"), each, overlay="levels", detail=detail)["window"][..., :3].astype(
+            float
+        )
         for shown, each in ((display, tolerance), (display.scaled(0.25), tolerance), (display.scaled(0.25), _FULL))
     )
     sampled = linear_of_srgb(true / 255.0).reshape(120, 4, 160, 4, 3).mean((1, 3))
