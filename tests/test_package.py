@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import limen
@@ -61,6 +62,70 @@ def test_showing_an_image_does_not_wait_for_what_terrains_and_sessions_import() 
     rest = "zarr", "rasterio", "scipy.signal", "scipy.spatial", "scipy.stats", "trimesh"
     script = f"import sys, limen.cli.show; print(*[name for name in {rest!r} if name in sys.modules])"
     assert subprocess.check_output([sys.executable, "-c", script], text=True).split() == []
+
+
+_READERS = {
+    "points.las": {"laspy", "rasterio"},
+    "points.ply": set[str](),
+    "image.png": {"tifffile", "pyvips"},
+    "image.tif": {"tifffile", "pyvips"},
+    "heights.asc": {"rasterio"},
+    "mesh.ply": {"trimesh", "scipy", "pyvips", "numba"},  # its normals are summed by a compiled loop
+}
+"""Files, and what is needed of `_SLOW` to say what each of them is."""
+_SLOW = (
+    "laspy",
+    "matplotlib",
+    "numba",
+    "plyfile",
+    "pyvips",
+    "rasterio",
+    "scipy",
+    "tifffile",
+    "trimesh",
+    "wgpu",
+    "zarr",
+)
+
+
+@pytest.mark.parametrize("name", _READERS)
+def test_info_imports_what_reads_the_file_and_nothing_that_builds_or_draws(name: str, tmp_path: Path) -> None:
+    """Compilers, solvers and renderers take seconds to import."""
+    path = tmp_path / name
+    write_small(path)
+    script = (
+        "import sys\nfrom limen.cli.app import main\n"
+        f"try: main(['info', {str(path)!r}])\n"
+        f"finally: print('imported', *[name for name in {_SLOW!r} if name in sys.modules])"
+    )
+    answer = subprocess.check_output([sys.executable, "-c", script], text=True).splitlines()
+    assert answer[0].startswith(f"{path}: {name.split('.')[0].replace('heights', 'terrain')}")
+    assert answer[-1].split()[0] == "imported"
+    assert set(answer[-1].split()[1:]) == _READERS[name]
+
+
+def write_small(path: Path) -> None:
+    """A file of a few numbers."""
+    places = np.arange(12.0).reshape(4, 3) ** 2
+    if path.suffix == ".las":
+        import laspy
+
+        header = laspy.LasHeader(point_format=3, version="1.2")
+        points = laspy.LasData(header)
+        points.x, points.y, points.z = places.T
+        points.write(path)
+    elif path.suffix in (".png", ".tif"):
+        import pyvips
+
+        pyvips.Image.black(300, 200, bands=3).cast("uchar").write_to_file(str(path))
+    elif path.suffix == ".asc":
+        head = "ncols 3\nnrows 2\nxllcorner 500000\nyllcorner 4000000\ncellsize 30\n"
+        path.write_text(f"{head}1 2 3\n4 5 7\n")
+    else:
+        faces = "element face 1\nproperty list uchar int vertex_indices\n" if path.stem == "mesh" else ""
+        names = "".join(f"property float {axis}\n" for axis in "xyz")
+        rows = "".join(" ".join(map(str, row)) + "\n" for row in places) + ("3 0 1 3\n" if faces else "")
+        path.write_text(f"ply\nformat ascii 1.0\nelement vertex 4\n{names}{faces}end_header\n{rows}")
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))

@@ -17,9 +17,10 @@ from scipy.spatial import KDTree
 
 import limen
 from limen.data.mesh import NO_TEXTURE, Mesh
-from limen.data.mesh_file import mesh_type, open_mesh
+from limen.data.mesh_file import open_mesh
 from limen.data.mesh_sample import torus_knot
 from limen.data.mesh_textures import as_layers
+from limen.data.mesh_type import mesh_type
 from limen.errors import FormatError, MissingFileError
 
 KNOT = torus_knot(600)

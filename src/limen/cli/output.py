@@ -6,13 +6,15 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 from cyclopts import Parameter
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
 
 __all__ = ["DEFAULT", "Common", "Output"]
 
@@ -35,14 +37,27 @@ DEFAULT = Common()
 
 
 class Output:
-    """Results go to stdout, everything else (progress, remarks) to stderr."""
+    """Results go to stdout, everything else (progress, remarks) to stderr.
+
+    Rich takes a sixth of a second to import in all, so each part of it is imported when it is used.
+    """
 
     def __init__(self, common: Common) -> None:
         self.common = common
+
+    @cached_property
+    def _out(self) -> Console:
+        from rich.console import Console
+
         # A table in a pipe or a file must not be cut to the 80 columns of a terminal that is not there.
         width = None if sys.stdout.isatty() else 200
-        self._out = Console(file=sys.stdout, highlight=False, soft_wrap=True, width=width)
-        self._err = Console(file=sys.stderr, highlight=False, soft_wrap=True)
+        return Console(file=sys.stdout, highlight=False, soft_wrap=True, width=width)
+
+    @cached_property
+    def _err(self) -> Console:
+        from rich.console import Console
+
+        return Console(file=sys.stderr, highlight=False, soft_wrap=True)
 
     def say(self, text: str) -> None:
         """A remark, unless ``-q``."""
@@ -63,6 +78,8 @@ class Output:
         """A table of the result (not with ``--json``); columns after the first are right-aligned."""
         if self.common.json:
             return
+        from rich.table import Table
+
         table = Table(title=title or None, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for number, column in enumerate(columns):
             table.add_column(column, justify="left" if number == 0 else "right", no_wrap=True)
@@ -79,6 +96,8 @@ class Output:
     @contextmanager
     def progress(self, what: str, total: float | None = None) -> Iterator[_Step]:
         """A progress bar on stderr: ``with out.progress("reading", n) as step: step(1)``."""
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
         columns = (
             TextColumn("{task.description}"),
             BarColumn(bar_width=30),

@@ -16,7 +16,7 @@ from limen.cli.traffic_scene import scene_traffic
 from limen.cli.traffic_terrain import terrain_traffic
 from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
-from limen.data.mesh_file import is_mesh
+from limen.data.mesh_type import is_mesh
 from limen.data.opening import open_picture
 from limen.display.display import Display
 from limen.errors import InputError

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from limen.data.opening import open_content as open
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
     from limen.data.points_build import build_points
-    from limen.data.points_file import Points, PointsInfo
+    from limen.data.points_file import Points
+    from limen.data.points_info import PointsInfo, cloud_info
     from limen.data.points_ingest import PointsReport, ingest_points
-    from limen.data.points_opening import cloud_info, open_points
+    from limen.data.points_opening import open_points
     from limen.data.points_sample import HALL_POINTS, PointsSampleReport, sample_points
     from limen.data.sample import SampleReport, sample_image
     from limen.data.terrain_build import TerrainReport, ingest_terrain
@@ -93,7 +94,7 @@ _HOMES = {
     "NO_TEXTURE": ("mesh", "NO_TEXTURE"),
     "PAGE": ("pages", "PAGE"),
     "Points": ("points_file", "Points"),
-    "PointsInfo": ("points_file", "PointsInfo"),
+    "PointsInfo": ("points_info", "PointsInfo"),
     "MeshReport": ("mesh_folder", "MeshReport"),
     "PointsReport": ("points_ingest", "PointsReport"),
     "PointsSampleReport": ("points_sample", "PointsSampleReport"),
@@ -104,7 +105,7 @@ _HOMES = {
     "TerrainReport": ("terrain_build", "TerrainReport"),
     "TerrainSampleReport": ("terrain_sample", "TerrainSampleReport"),
     "build_points": ("points_build", "build_points"),
-    "cloud_info": ("points_opening", "cloud_info"),
+    "cloud_info": ("points_info", "cloud_info"),
     "elevation_info": ("terrain_info", "elevation_info"),
     "ingest": ("build", "ingest"),
     "ingest_mesh": ("mesh_folder", "ingest_mesh"),

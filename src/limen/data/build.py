@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from limen.data import vips
 from limen.data.bigtiff import DeflateTiles, JpegTiles
 from limen.data.deepzoom import open_deepzoom
+from limen.data.file_type import existing_file, is_tiff
 from limen.data.footprint import Footprint
-from limen.data.image import existing_file, unreadable_zstandard
+from limen.data.image import unreadable_zstandard
 from limen.data.pages import Pyramid
 from limen.data.pyramids import PyramidWriter
-from limen.data.tiff import TiffImage, is_tiff
+from limen.data.tiff import TiffImage
 from limen.data.tiles import TileLevel
 from limen.errors import FormatError, InputError
 from limen.machine import worker_count

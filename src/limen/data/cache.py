@@ -10,9 +10,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-__all__ = ["TileCache"]
+__all__ = ["CACHE_BYTES", "TileCache"]
 
 Texels = NDArray[Any]
+
+CACHE_BYTES = 256 << 20
+"""Decoded tiles that an open image keeps: about a thousand."""
 
 
 class TileCache:

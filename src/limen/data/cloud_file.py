@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.cloud_type import cloud_type
-from limen.data.hilbert_kernels import box_of
-from limen.data.image import existing_file
+from limen.data.file_type import existing_file
 from limen.errors import FormatError
 from limen.geometry import Floats
 
@@ -32,9 +31,8 @@ class Batch(NamedTuple):
 
     def box(self) -> Floats:
         """Lowest and highest coordinates, (2, 3)."""
-        box = np.empty((2, 3))
-        box_of(self.positions, box)
-        return box
+        columns = self.positions.T  # several times as fast, column by column, as along rows of three
+        return np.array([[column.min() for column in columns], [column.max() for column in columns]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-import tifffile
-
-from limen.data.tiff import is_tiff
+from limen.data.file_type import is_tiff
 
 __all__ = ["is_elevation", "is_terrain"]
 
@@ -37,6 +35,8 @@ def is_elevation(path: Path) -> bool:
         return True
     if path.stat().st_size == 0 or not is_tiff(path):
         return False
+    import tifffile  # a third of a second that a file which is no TIFF need not wait for
+
     try:
         with tifffile.TiffFile(path) as tiff:
             page = tiff.pages.first

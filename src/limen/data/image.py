@@ -22,29 +22,26 @@ from numpy.typing import NDArray
 
 from limen.data import vips
 from limen.data.bigtiff import SOFTWARE
-from limen.data.cache import TileCache
+from limen.data.cache import CACHE_BYTES, TileCache
 from limen.data.contrast_file import faint_shares
 from limen.data.deepzoom import DeepZoomLevel, open_deepzoom
+from limen.data.file_type import existing_file, is_tiff
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.data.softness import soft_from
-from limen.data.tiff import TiffImage, TiffLevel, is_tiff
+from limen.data.tiff import TiffImage, TiffLevel
 from limen.data.tiles import ArrayLevel, DerivedLevel, TileLevel, read_rectangle
-from limen.errors import FormatError, InputError, MissingFileError, NeedsIngestError, PageError
+from limen.errors import FormatError, NeedsIngestError, PageError
 
 __all__ = [
-    "CACHE_BYTES",
     "LARGEST_IN_MEMORY_PX",
     "Image",
     "ImageInfo",
-    "existing_file",
     "open_image",
     "unreadable_zstandard",
 ]
 
 Texels = NDArray[np.uint8]
 
-CACHE_BYTES = 256 << 20
-"""Decoded tiles that an open image keeps: about a thousand."""
 
 LARGEST_IN_MEMORY_PX = 100_000_000
 """An image without levels is opened in memory up to this size (about half a gigabyte); beyond it wants ``ingest``."""
@@ -187,18 +184,6 @@ class Image:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def existing_file(path: str | Path) -> Path:
-    """The path of a file that exists and holds something; MissingFileError, InputError or FormatError otherwise."""
-    path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; name the image in it")
-    if not path.exists():
-        raise MissingFileError(f"{path}: there is no such file")
-    if path.stat().st_size == 0:
-        raise FormatError(f"{path}: is empty; copy it again")
-    return path
 
 
 def open_image(path: str | Path, *, cache_bytes: int = CACHE_BYTES) -> Image:

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.image import existing_file
+from limen.data.file_type import existing_file
 from limen.data.mesh import NO_TEXTURE, Mesh, smooth_normals, weld_numbers
 from limen.data.mesh_textures import Texels, as_layers, rgba_of
+from limen.data.mesh_type import MESH_SUFFIXES, mesh_type
 from limen.data.resample import linear_of_srgb, srgb_of_linear
 from limen.errors import FormatError
 
-__all__ = ["is_mesh", "is_mesh_folder", "mesh_type", "open_mesh"]
+__all__ = ["open_mesh"]
 
 Floats = NDArray[np.float64]
 
@@ -32,11 +33,6 @@ _NEUTRAL = np.array([204, 204, 204, 255], np.uint8)
 
 _WHITE = np.array([255, 255, 255, 255], np.uint8)
 
-_MAGIC = {b"ply\n": "ply", b"ply\r": "ply", b"glTF": "glb", b"OFF\n": "off", b"OFF\r": "off", b"OFF ": "off"}
-_NAMES = {
-    ".ply": "ply", ".obj": "obj", ".stl": "stl", ".off": "off", ".gltf": "gltf", ".glb": "glb", ".3mf": "3mf",
-    ".dae": "dae", ".zae": "zae", ".xaml": "xaml", ".3dxml": "3dxml",
-}  # fmt: skip
 _LINEAR_COLOURS = ("gltf", "glb")
 """glTF 2.0, sections 3.7.2.1 and 3.9.2: colours of vertices and factors of materials are linear light."""
 
@@ -54,34 +50,6 @@ class _Part:
     opaque: bool
 
 
-def is_mesh_folder(path: str | Path) -> bool:
-    """Whether it is to be opened as a mesh that was made ready."""
-    return Path(path).suffix.lower() == ".mesh" and Path(path).is_dir()
-
-
-def is_mesh(path: str | Path) -> bool:
-    """Whether it is to be opened as a mesh, made ready or not.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    """
-    return is_mesh_folder(path) or mesh_type(existing_file(path)) is not None
-
-
-def mesh_type(path: Path) -> str | None:
-    """Which kind of mesh (``ply``, ``obj``, ...), by the file's first bytes, else by its name; None if it is none."""
-    with path.open("rb") as file:
-        head = file.read(84)
-    if (found := _MAGIC.get(head[:4])) is not None:
-        return found
-    triangles = int.from_bytes(head[80:84], "little")
-    if len(head) == 84 and triangles and path.stat().st_size == 84 + 50 * triangles:
-        return "stl"
-    return _NAMES.get(path.suffix.lower())
-
-
 def open_mesh(path: str | Path) -> Mesh:
     """Read a mesh: PLY, OBJ with its materials, glTF, GLB, STL, OFF, 3MF and what else trimesh reads.
 
@@ -95,7 +63,7 @@ def open_mesh(path: str | Path) -> Mesh:
     path = existing_file(path)
     kind = mesh_type(path)
     if kind is None:
-        raise FormatError(f"{path}: is no mesh; name a file that ends in {', '.join(_NAMES)}")
+        raise FormatError(f"{path}: is no mesh; name a file that ends in {', '.join(MESH_SUFFIXES)}")
     parts = _read(path, kind)
     if not parts:
         raise FormatError(f"{path}: has no triangles: a point cloud or lines are no mesh; make a surface of it first")

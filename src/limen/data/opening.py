@@ -1,4 +1,7 @@
-"""One door for every kind of content."""
+"""One door for every kind of content.
+
+What reads a kind takes up to a second to import, so it is imported where a file is of that kind.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from limen.data.cache import CACHE_BYTES
 from limen.data.cloud_type import is_points
 from limen.data.elevation_type import is_terrain
-from limen.data.image import CACHE_BYTES, Image, existing_file, open_image
-from limen.data.mesh import Mesh
-from limen.data.mesh_file import is_mesh, is_mesh_folder, mesh_type, open_mesh
+from limen.data.file_type import existing_file
+from limen.data.mesh_type import is_mesh, is_mesh_folder, mesh_type
 from limen.errors import FormatError
 
 if TYPE_CHECKING:
+    from limen.data.image import Image
+    from limen.data.mesh import Mesh
     from limen.data.points_file import Points
     from limen.data.terrain_file import Terrain
 
@@ -36,7 +41,7 @@ def open_content(
         If it is none of these, cut short, or so large that it wants ``limen ingest`` first.
     """
     if is_terrain(path):
-        from limen.data.terrain_opening import open_terrain  # GDAL, Zarr and Numba take a second
+        from limen.data.terrain_opening import open_terrain
 
         return open_terrain(path, progress=progress)
     if is_points(path):
@@ -48,7 +53,13 @@ def open_content(
 
         return open_mesh_folder(path)
     path = existing_file(path)
-    return open_image(path, cache_bytes=cache_bytes) if mesh_type(path) is None else open_mesh(path)
+    if mesh_type(path) is not None:
+        from limen.data.mesh_file import open_mesh
+
+        return open_mesh(path)
+    from limen.data.image import open_image
+
+    return open_image(path, cache_bytes=cache_bytes)
 
 
 def open_picture(path: str | Path) -> Image:
@@ -56,4 +67,6 @@ def open_picture(path: str | Path) -> Image:
     kind = "a terrain" if is_terrain(path) else "a mesh" if is_mesh(path) else None
     if kind is not None:
         raise FormatError(f"{path}: is {kind}, and an image is wanted here; `limen show {path}` draws it")
+    from limen.data.image import open_image
+
     return open_image(path)

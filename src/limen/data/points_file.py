@@ -6,48 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-import msgspec
 import numpy as np
 import zarr
 from numpy.typing import NDArray
 
 from limen.data.point_nodes import CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, NODE, TOP, ChunkFrame, counts_of_levels
+from limen.data.points_info import PointsInfo
 from limen.data.points_store import VERSION, PointsHeader
 from limen.data.zarr_folder import checked_header, is_group_folder, list_files, opening, reading, table_of
 from limen.errors import InputError
 from limen.geometry import Floats
 
-__all__ = ["Points", "PointsInfo", "is_points_folder"]
+__all__ = ["Points", "is_points_folder"]
 
 
 _FLAT, _FLAT_TILT_DEG = 0.2, 40.0
 """How high over its largest extent what is flat is at most, and how far it is tilted then."""
-
-
-class PointsInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``limen info`` says about a cloud.
-
-    ``size`` is the number of points, ``levels`` that of nodes on each level, from the points to the root. ``bounds``
-    are the lowest and the highest x, y, z in the file's unit, ``unit_m`` metres long (None where the file does not
-    say). ``colours`` and ``normals`` say where they come from. ``ready`` tells a cloud that was made ready from a file
-    of points. ``bytes`` is the size of the files, or of the nodes in memory.
-    """
-
-    kind: str = "points"
-    path: str
-    ready: bool
-    size: int
-    levels: list[int]
-    chunks: int
-    format: str
-    bounds: tuple[tuple[float, ...], tuple[float, ...]]
-    unit_m: float | None
-    crs: str
-    colours: str
-    normals: str
-    has_intensity: bool
-    bytes: int
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,15 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from limen.data.cloud_file import open_cloud
-from limen.data.image import existing_file
-from limen.data.point_nodes import CHUNK_POINTS, counts_of_levels
-from limen.data.points_file import Points, PointsInfo
-from limen.data.points_ingest import ingest_points
+from limen.data.file_type import existing_file
+from limen.data.points_file import Points
 from limen.data.zarr_folder import is_made_of
 from limen.errors import FormatError, MissingFileError, NeedsIngestError
 from limen.machine import place_in_cache
 
-__all__ = ["LARGEST_AT_ONCE_POINTS", "cloud_info", "open_points"]
+__all__ = ["LARGEST_AT_ONCE_POINTS", "open_points"]
 
 LARGEST_AT_ONCE_POINTS = 20_000_000
 """A file of up to so many points is made ready when it is opened (a minute); beyond it wants ``ingest``."""
@@ -40,36 +38,10 @@ def open_points(path: str | Path, *, progress: Callable[[float], None] | None = 
         raise NeedsIngestError(
             f"{path}: {count:,} points take a while; make it ready with: limen ingest {name} {target}"
         )
+    from limen.data.points_ingest import ingest_points  # with Numba and SciPy, which what was made ready has no use for
+
     ingest_points(path, place, progress=progress)
     return Points.open(place)
-
-
-def cloud_info(path: str | Path) -> PointsInfo:
-    """What a cloud of points is, made ready or not.
-
-    Raises MissingFileError, or FormatError if it is none, or damaged.
-    """
-    path = Path(path)
-    if path.suffix.lower() == ".points":
-        return Points.open(path).info()
-    cloud = open_cloud(path)
-    found = cloud.found_bounds()
-    return PointsInfo(
-        path=str(path),
-        ready=False,
-        size=cloud.count,
-        levels=counts_of_levels(cloud.count),
-        chunks=-(-cloud.count // CHUNK_POINTS),
-        format=cloud.format,
-        bounds=(tuple(found[0].tolist()), tuple(found[1].tolist())),
-        unit_m=cloud.unit_m,
-        crs=cloud.crs,
-        colours=cloud.colours,
-        normals="given" if cloud.has_normals else "none",
-        has_intensity=cloud.has_intensity,
-        bytes=cloud.path.stat().st_size,
-        notes=cloud.notes,
-    )
 
 
 def _kept(place: Path, source: Path) -> Points | None:

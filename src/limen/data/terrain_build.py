@@ -19,8 +19,8 @@ import zarr
 from numpy.typing import NDArray
 
 from limen.data.elevation import ElevationSource, Window
+from limen.data.file_type import existing_file
 from limen.data.footprint import Footprint
-from limen.data.image import existing_file
 from limen.data.pages import Pyramid
 from limen.data.partial import PartialFolder, is_disk_full
 from limen.data.terrain_file import is_terrain_folder

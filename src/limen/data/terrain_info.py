@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from limen.data.elevation import ElevationSource, Window
-from limen.data.image import existing_file
+from limen.data.file_type import existing_file
 from limen.data.pages import PAGE, Pyramid
 
 __all__ = ["TerrainInfo", "elevation_info"]

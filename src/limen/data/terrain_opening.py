@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from limen.data.elevation import ElevationSource
-from limen.data.image import existing_file
+from limen.data.file_type import existing_file
 from limen.data.terrain_build import ingest_terrain
 from limen.data.terrain_file import Terrain
 from limen.data.zarr_folder import is_made_of

@@ -24,11 +24,10 @@ from limen.data.pages import PAGE
 from limen.data.tiles import scales_of
 from limen.errors import FormatError, StorageError
 
-__all__ = ["ByteFile", "TiffImage", "TiffLevel", "is_tiff"]
+__all__ = ["ByteFile", "TiffImage", "TiffLevel"]
 
 Texels = NDArray[np.uint8]
 
-_MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _OLD_JPEG, _JPEG, _ZSTD = 6, 7, (50000, 34926)
 _WHITE_IS_ZERO, _BLACK_IS_ZERO, _RGB, _PALETTE, _YCBCR = 0, 1, 2, 3, 6
 _GDAL_TAGS = (33550, 34264, 34735, 42112, 42113)
@@ -36,11 +35,6 @@ _GDAL_TAGS = (33550, 34264, 34735, 42112, 42113)
 _REDUCED, _MASK = 1, 4
 _LARGEST_TILE_PX = 1 << 24
 _MOST_PAGES = 64
-
-
-def is_tiff(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(4) in _MAGICS
 
 
 class ByteFile:
