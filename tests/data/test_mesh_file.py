@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import struct
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +65,40 @@ def test_the_same_triangles_come_back_from_every_format(tmp_path: Path, kind: st
     assert found.size == KNOT.size
     assert corners_of(found, KNOT) == corners_of(KNOT, KNOT)
     np.testing.assert_allclose(found.bounds, KNOT.bounds, atol=1e-4)
+
+
+_WITHOUT_EXTRA = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("lxml", "networkx"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Absent())
+from pathlib import Path
+from limen.data.mesh_file import open_mesh
+from limen.display.meshfile import read_mesh
+from limen.errors import FormatError
+for path in map(Path, sys.argv[1:]):
+    for read in (open_mesh, read_mesh):
+        try:
+            print(path.suffix, read(path) is not None)
+        except FormatError as error:
+            print(path.suffix, error)
+"""
+
+
+def test_without_the_extra_all_formats_but_3mf_are_read_and_3mf_says_what_to_install(tmp_path: Path) -> None:
+    plain = trimesh.Trimesh(KNOT.positions, KNOT.triangles, process=False)
+    kinds = ("ply", "obj", "off", "stl", "glb", "3mf")
+    paths = [write(tmp_path / f"a.{kind}", plain.export(file_type=kind)) for kind in kinds]
+    for name, content in trimesh.Scene(plain).export(file_type="gltf").items():
+        write(tmp_path / name, content)
+    paths.insert(0, (tmp_path / "model.gltf"))
+    said = subprocess.check_output([sys.executable, "-c", _WITHOUT_EXTRA, *map(str, paths)], text=True).splitlines()
+    assert said[:-2] == [f"{path.suffix} True" for path in paths[:-1] if path.suffix for _ in range(2)]
+    for line in said[-2:]:
+        assert line.startswith(f".3mf {paths[-1]}: ")
+        assert line.endswith('pip install "limen[3mf]"')
 
 
 @pytest.mark.parametrize("kind", ["ply", "stl"])

@@ -22,6 +22,7 @@ from limen.data.mesh import NO_TEXTURE, Mesh, smooth_normals, weld_numbers
 from limen.data.mesh_textures import Texels, as_layers, rgba_of
 from limen.data.mesh_type import MESH_SUFFIXES, mesh_type
 from limen.data.resample import linear_of_srgb, srgb_of_linear
+from limen.display.meshfile import INSTALL_3MF
 from limen.errors import FormatError
 
 __all__ = ["open_mesh"]
@@ -33,6 +34,8 @@ _NEUTRAL = np.array([204, 204, 204, 255], np.uint8)
 
 _WHITE = np.array([255, 255, 255, 255], np.uint8)
 
+_OF_EXTRA = ("3mf", "3dxml", "xaml")
+"""What trimesh reads with lxml or networkx."""
 _LINEAR_COLOURS = ("gltf", "glb")
 """glTF 2.0, sections 3.7.2.1 and 3.9.2: colours of vertices and factors of materials are linear light."""
 
@@ -88,6 +91,8 @@ def _read(path: Path, kind: str) -> list[_Part]:
     except (ImportError, NotImplementedError) as error:
         missing = getattr(error, "name", None)
         cure = f"install the package {missing}" if missing else "convert it to PLY or GLB"
+        if kind in _OF_EXTRA:  # trimesh raises a copy of the error that names no package
+            cure = INSTALL_3MF
         raise FormatError(f"{path}: {kind} files cannot be read here; {cure}") from error
     except Exception as error:  # trimesh promises nothing about what its readers raise
         reason = " ".join(str(error).split()) or type(error).__name__

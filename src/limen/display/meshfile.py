@@ -15,10 +15,13 @@ import numpy as np
 from limen.display.mesh import PolygonMesh
 from limen.errors import FormatError, MissingFileError
 
-__all__ = ["MESH_SUFFIXES", "read_mesh"]
+__all__ = ["INSTALL_3MF", "MESH_SUFFIXES", "read_mesh"]
 
 MESH_SUFFIXES = (".obj", ".ply", ".off", ".stl", ".glb", ".gltf", ".3mf")
 """What the command line takes for a mesh."""
+
+INSTALL_3MF = 'install what reads it with: pip install "limen[3mf]"'
+"""The cure where trimesh lacks lxml or networkx."""
 
 _Faces = list[tuple[int, ...]]
 _Lines = Iterator[tuple[int, list[str]]]
@@ -116,6 +119,8 @@ def _read_triangles(path: Path) -> tuple[list[list[float]], _Faces]:
     try:
         mesh = trimesh.load_mesh(path)
         corners, triangles = mesh.vertices.tolist(), mesh.faces.tolist()
+    except ImportError as error:
+        raise FormatError(f"{path}: cannot be read here ({error}); {INSTALL_3MF}") from None
     except Exception as error:  # whatever trimesh and its many readers raise for a file that is none
         raise FormatError(f"{path}: cannot be read as a mesh: {type(error).__name__}: {error}") from None
     return corners, [tuple(triangle) for triangle in triangles]
