@@ -39,7 +39,7 @@ class PointsInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def cloud_info(path: str | Path) -> PointsInfo:
-    """What a cloud of points is, made ready or not. Bounds are what the file states; only where it states none is it read.
+    """What a cloud of points is, made ready or not; it is read to its end only where it does not state its bounds.
 
     Raises MissingFileError, or FormatError if it is none, or damaged.
     """
