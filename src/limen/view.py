@@ -111,7 +111,8 @@ class Windows:
         a, b, c = (lines.outline[:, :, number, None] for number in range(3))
         edges = a * across[:, None] + b * along[:, None] + c * w[:, None]
         farthest = np.linalg.norm(lines.outline_m - np.asarray(eye_m, dtype=float), axis=2).max(axis=1)
-        near = np.maximum(height, 0) * _GUARDED * near_m / np.maximum(farthest, 1e-300)
+        # A power of two, so that what is told from depth is the same to the last bit whatever else a frame begins with.
+        near = _power_of_two(np.maximum(height, 0) * _GUARDED * near_m / np.maximum(farthest, 1e-300))
         return PanelViews(
             np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count,
             self.facing(eye_m),
@@ -217,6 +218,11 @@ def quilt_from_room(display: Display, quilt: Quilt, eye_m: Vec3) -> Floats:
     matrices[:, [0, 1, 3], 3] = -rows @ np.asarray(eye_m, dtype=float)
     matrices[:, 2, 3] = views.near
     return matrices
+
+
+def _power_of_two(values: Floats) -> Floats:
+    """The largest that is no larger; of zero, zero."""
+    return np.ldexp(np.where(values > 0, 0.5, 0.0), np.frexp(values)[1])
 
 
 def _ray_form(axis: Floats, relative: Floats, height: Floats, normal: Floats) -> Floats:
