@@ -43,11 +43,6 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
     return float(10 * np.log10(255**2 / ((a.astype(float) - b) ** 2).mean()))
 
 
-def assert_same(a: np.ndarray, b: np.ndarray) -> None:
-    """Equal but for the last bit, which depends on where in the pool a page lies."""
-    np.testing.assert_allclose(a.astype(int), b, atol=1)
-
-
 @pytest.mark.parametrize("size_px", [(1732, 866), (1200, 600), (640, 320)])
 def test_a_panel_under_full_is_a_plain_resampling(world, device, size_px):
     drawn = render(world, limen.Display.window(size_px), policy="full", device=device)["window"]
@@ -88,18 +83,18 @@ def test_panels_of_a_room_show_their_own_part_and_nothing_else(world, device):
     assert psnr(whole[..., :3], source[top : top + whole.shape[0], left : left + whole.shape[1]]) > 30
     some = render(world, wall, policy="full", placement=OnSurface("cover"), panels="wall/?,1", device=device)
     assert len(some) == 6
-    assert_same(some["wall/2,1"], pictures["wall/2,1"])
+    np.testing.assert_array_equal(some["wall/2,1"], pictures["wall/2,1"])
 
 
 def test_a_distant_viewer_gets_less_detail_and_a_near_one_all(world, device):
     display = limen.Display.window((800, 400))
     near, far = (limen.Viewer((0, 0, -0.6 + distance)) for distance in (0.1, 6.0))
     full = render(world, display, policy="full", device=device)["window"]
-    assert_same(render(world, display, [near], device=device)["window"], full)
+    np.testing.assert_array_equal(render(world, display, [near], device=device)["window"], full)
     coarse = render(world, display, [far], device=device)["window"]
     assert psnr(coarse, full) < 40
     sharp = limen.Viewer((0, 0, 5.4), acuity_arcmin=0.05)
-    assert_same(render(world, display, [far, sharp], device=device)["window"], full)
+    np.testing.assert_array_equal(render(world, display, [far, sharp], device=device)["window"], full)
 
 
 def test_a_live_frame_never_waits_and_arrives_in_the_end(world, device):
@@ -150,7 +145,7 @@ def test_moving_the_image_keeps_its_pages(world, device):
         zoomed = next(iter(renderer.pictures([], FULL)))[1].copy()
         renderer.place(OnSurface())
         again = next(iter(renderer.pictures([], FULL)))[1].copy()
-    assert_same(before, again)
+    np.testing.assert_array_equal(before, again)
     assert psnr(before, zoomed) < 30
 
 
@@ -175,10 +170,10 @@ def test_what_cannot_be_is_said(world, device):
 
 def test_a_frame_fits_a_small_pool_by_coarser_pages(world, device):
     display = limen.Display.window((1732, 866))
-    with limen.open(world) as image, Renderer(device, display, image, gpu_bytes=8 * 264 * 264 * 4) as renderer:
+    with limen.open(world) as image, Renderer(device, display, image, gpu_bytes=512 * 4096 * 4) as renderer:
         report = renderer.frame([], FULL, quilt=Quilt((1732, 866), (0,), ((0, 0),)))
         assert report.bias > 0
-        assert report.pages < 8
+        assert report.pages < 15
 
 
 # ---------------------------------------------------------------------------- meshes

@@ -15,6 +15,7 @@ from PIL import Image as Picture
 
 import limen
 from ground import SIZE, hills, write_dem
+from limen import terrain_stock
 from limen.data.terrain_build import ingest_terrain
 from limen.data.terrain_file import Terrain
 from limen.display.display import Display
@@ -263,8 +264,11 @@ def test_faint_pages_of_a_drape_are_left_out_and_stark_ones_drawn(
     assert np.ptp(plain[:, plain.shape[1] // 2 :]) > 100
 
 
-def test_little_memory_draws_coarser_and_says_so(renderer: Any) -> None:
-    made = renderer(display=Display.named("desktop"), reference_m=(0.0, 1.2, 0.0), look_at=LookAt(), gpu_bytes=6 << 20)
+def test_little_memory_draws_coarser_and_says_so(renderer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    # As if the land were larger: the least memory for pages is enough for all of its patches.
+    for part in ("_VERTEX_BYTES", "_INDEX_BYTES"):
+        monkeypatch.setattr(f"limen.terrain_stock.{part}", 4 * getattr(terrain_stock, part))
+    made = renderer(display=Display.named("desktop"), reference_m=(0.0, 1.2, 0.0), look_at=LookAt(), gpu_bytes=23 << 20)
     _, report = drawn(made, [Viewer((0.0, 1.2, 0.0))], "full")
     assert report.missing > 0
     assert report.max_error_px > 0.5

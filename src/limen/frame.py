@@ -36,7 +36,7 @@ from limen.viewer import Pointer, Viewer, nobody_points
 __all__ = ["GPU_BYTES", "LOOKAHEAD_S", "FrameReport", "LensMoves", "Renderer", "select_ahead"]
 
 GPU_BYTES = 512 << 20
-"""Memory for pages on the GPU, unless told otherwise: 1,900 pages."""
+"""Memory for pages on the GPU, unless told otherwise: 1,800 pages."""
 
 LOOKAHEAD_S = 0.4
 """How far ahead pages are fetched. Levels change in bursts, when a ring of distance sweeps over many pages at once;

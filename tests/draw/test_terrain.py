@@ -81,7 +81,7 @@ class Stage:
         from limen.gpu.pool import PagePool
 
         self.land, self.rims = land, RimPool()
-        bytes_ = 16 * 264 * 264 * 4
+        bytes_ = 45 * 512 * 512
         self.pools = [PagePool(device, bytes_, format="rgba8unorm") for _ in range(2)]
         sources: list[Any] = [land.relief, land.heights]
         over = None

@@ -16,7 +16,8 @@ from limen.stream import Upload
 
 pytestmark = pytest.mark.gpu
 
-PAGE_BYTES = (PAGE + 2 * GUTTER) ** 2 * 4
+ROW_BYTES = 512 * 4096 * 4
+LAYER_BYTES = 4096 * 4096 * 4
 
 
 def _counts() -> dict[str, int]:
@@ -31,31 +32,36 @@ def test_pages_have_the_size_that_images_give_them() -> None:
     assert PAGE_SIDE == PAGE + 2 * GUTTER
 
 
-@pytest.mark.parametrize(("budget_pages", "slots"), [(8, 8), (17, 16), (64, 64), (127, 64), (128, 128)])
-def test_a_pool_holds_what_its_budget_allows(device: Any, budget_pages: int, slots: int) -> None:
-    pool = PagePool(device, budget_pages * PAGE_BYTES)
+@pytest.mark.parametrize(
+    ("budget", "slots"),
+    [(ROW_BYTES, 15), (2 * ROW_BYTES, 45), (3 * ROW_BYTES, 45), (LAYER_BYTES - 1, 105), (LAYER_BYTES, 225),
+     (3 * LAYER_BYTES, 675)],
+)  # fmt: skip
+def test_a_pool_holds_what_its_budget_allows(device: Any, budget: int, slots: int) -> None:
+    pool = PagePool(device, budget)
     assert pool.slots == slots
-    assert pool.bytes == slots * PAGE_BYTES
+    assert budget // 2 < pool.bytes <= budget
+    assert pool.slots * PAGE_SIDE**2 * 4 <= pool.bytes
     pool.destroy()
 
 
 def test_a_pool_can_be_large(device: Any) -> None:
-    """4,096 pages; software drivers commit memory only when a page is written."""
-    pool = PagePool(device, 4096 * PAGE_BYTES)
-    assert pool.slots == 4096
+    """4,500 pages; software drivers commit memory only when a page is written."""
+    pool = PagePool(device, 20 * LAYER_BYTES)
+    assert pool.slots == 4500
     pool.destroy()
 
 
 def test_too_small_a_budget_is_refused_with_the_least_that_works(device: Any) -> None:
-    with pytest.raises(DeviceLimitError, match=r"give at least 2\.2 MB"):
-        PagePool(device, 7 * PAGE_BYTES)
+    with pytest.raises(DeviceLimitError, match=r"give at least 8\.4 MB"):
+        PagePool(device, ROW_BYTES - 1)
 
 
 def test_only_whole_pages_go_into_slots_that_exist(device: Any) -> None:
-    pool = PagePool(device, 8 * PAGE_BYTES)
+    pool = PagePool(device, ROW_BYTES)
     page = np.zeros((PAGE_SIDE, PAGE_SIDE, 4), np.uint8)
-    with pytest.raises(ValueError, match="slot 8 is not in a pool of 8"):
-        pool.write([Upload(8, page)])
+    with pytest.raises(ValueError, match="slot 15 is not in a pool of 15"):
+        pool.write([Upload(15, page)])
     with pytest.raises(ValueError, match="264 x 264"):
         pool.write([Upload(0, page[4:-4, 4:-4])])
     pool.destroy()
@@ -63,7 +69,7 @@ def test_only_whole_pages_go_into_slots_that_exist(device: Any) -> None:
 
 def test_destroying_a_pool_leaves_no_object(device: Any) -> None:
     before = _counts()
-    pool = PagePool(device, 8 * PAGE_BYTES)
+    pool = PagePool(device, ROW_BYTES)
     assert _counts() != before
     pool.write([Upload(3, np.zeros((PAGE_SIDE, PAGE_SIDE, 4), np.uint8))])
     pool.destroy()

@@ -240,7 +240,7 @@ class ImageLayer:
         if any(quilt.turns):
             raise InputError("images are drawn into quilts without turned panels only: pack the panels without turns")
         view, buffers = self._view, self._buffers
-        fields = {"pool_columns": self._pool.columns, "pool_rows": self._pool.rows}
+        fields: dict[str, Any] = {"layers_per_px": 1 / np.array(self._pool.layer_px)}
         lenses, fields["tables"] = records.lens_rows(view, quilt)
         buffers["lenses"].write(lenses)
         if view.cells is not None:

@@ -17,6 +17,8 @@ override OVERLAY: u32 = 0u;
 const PAGE: f32 = 256.0;
 const GUTTER: f32 = 4.0;
 const SIDE: f32 = 264.0;
+// Pages along a layer of the pool.
+const COLUMNS: u32 = 15u;
 const PI: f32 = 3.14159265358979;
 const ALMOST_ONE = 0.99999994;
 const NO_PAGE: u32 = 0xffffffffu;
@@ -34,8 +36,8 @@ struct Frame {
     turn: f32,
     divisor: u32,
     jitter_px: vec2<u32>,
-    pool_columns: u32,
-    pool_rows: u32,
+    // Of a layer of the pool: one over powers of two.
+    layers_per_px: vec2<f32>,
     // Octaves of tolerance over which one level gives way to the next.
     blend: f32,
     // Growth of the tolerance with each degree from the gaze.
@@ -444,10 +446,14 @@ struct Slot {
 }
 
 fn place_of_slot(slot: u32) -> Slot {
-    let per_layer = frame.pool_columns * frame.pool_rows;
-    let inside = slot % per_layer;
-    let cell = vec2<f32>(f32(inside % frame.pool_columns), f32(inside / frame.pool_columns));
-    return Slot(cell * SIDE + GUTTER, i32(slot / per_layer));
+    let row = slot / COLUMNS;
+    let cell = vec2<f32>(f32(slot % COLUMNS), f32(row % COLUMNS));
+    return Slot(cell * SIDE + GUTTER, i32(row / COLUMNS));
+}
+
+// The sampler's place of a texel of a page: counted so that nothing is rounded, and the same is read in every slot.
+fn share_of_layer(slot: Slot, texel: vec2<f32>) -> vec2<f32> {
+    return (slot.corner + floor(texel * 2048.0 + 0.5) / 2048.0) * frame.layers_per_px;
 }
 
 // Catmull-Rom's cubic (Keys 1981, a = -1/2).
@@ -503,7 +509,6 @@ fn sharp_magnified(slot: Slot, texel: vec2<f32>) -> vec3<f32> {
 
 // Where pixels span up to two texels.
 fn sharp_minified(slot: Slot, texel: vec2<f32>, width: vec2<f32>) -> vec3<f32> {
-    let per_texel = 1.0 / (vec2<f32>(f32(frame.pool_columns), f32(frame.pool_rows)) * SIDE);
     let narrow = 1.0 / width;
     // The gutter holds every texel nearer than two footprints of two.
     let first = max(ceil(texel - 0.5 - 2.0 * width), vec2<f32>(-GUTTER));
@@ -524,7 +529,7 @@ fn sharp_minified(slot: Slot, texel: vec2<f32>, width: vec2<f32>) -> vec3<f32> {
             if abs(across.weight) < 1e-4 {
                 continue;
             }
-            let place = (slot.corner + vec2<f32>(across.at, along.at)) * per_texel;
+            let place = share_of_layer(slot, vec2<f32>(across.at, along.at));
             let texels = textureSampleLevel(pool, bilinear, place, slot.layer, 0.0).rgb;
             row += across.weight * vec4<f32>(texels, 1.0);
         }
@@ -546,8 +551,7 @@ fn sharp(slot: Slot, texel: vec2<f32>, footprint: vec2<f32>) -> vec3<f32> {
 }
 
 fn smooth_sample(slot: Slot, texel: vec2<f32>) -> vec3<f32> {
-    let atlas_px = vec2<f32>(f32(frame.pool_columns), f32(frame.pool_rows)) * SIDE;
-    return textureSampleLevel(pool, bilinear, (slot.corner + texel) / atlas_px, slot.layer, 0.0).rgb;
+    return textureSampleLevel(pool, bilinear, share_of_layer(slot, texel), slot.layer, 0.0).rgb;
 }
 
 fn colour_of(slot: u32, texel: vec2<f32>, footprint: vec2<f32>, level: u32, coarser: u32, panel: u32) -> vec4<f32> {

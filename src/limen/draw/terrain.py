@@ -313,9 +313,7 @@ class TerrainLayer:
         for pyramid, table, pool, texel_from_post in zip(pyramids, tables, self._pools.values(), maps, strict=True):
             assert table is not None
             ready = bool(table.slot[-1] >= 0)
-            rows.append(
-                records.source_row(pyramid, (pool.columns, pool.rows), first, texel_from_post, self._origin, ready)
-            )
+            rows.append(records.source_row(pyramid, pool.layer_px, first, texel_from_post, self._origin, ready))
             first += pyramid.page_count
         self._buffers["sources"].write(np.concatenate(rows))
 

@@ -18,6 +18,8 @@ override HOLES: bool = false;
 const PAGE: f32 = 256.0;
 const GUTTER: f32 = 4.0;
 const SIDE: f32 = 264.0;
+// Pages along a layer of the pool.
+const COLUMNS: u32 = 15u;
 const PAGE_BITS: u32 = 8u;
 const RELIEF: u32 = 0u;
 const HEIGHTS: u32 = 1u;
@@ -71,7 +73,7 @@ struct Source {
     offset: vec2<f32>,
     origin: vec2<i32>,
     size_px: vec2<i32>,
-    // Of one texel of a layer of the pool.
+    // Of one texel of a layer of the pool: one over powers of two.
     per_texel: vec2<f32>,
     top: u32,
     // 0 until the coarsest page is there; from then on every page has one to stand for it.
@@ -155,10 +157,10 @@ struct Slot {
     layer: i32,
 }
 
-// Layers have 8 x 8 pages; shifts, because adapters divide whole numbers slowly.
 fn place_of_slot(slot: u32) -> Slot {
-    let cell = vec2<f32>(vec2(slot & 7u, (slot >> 3u) & 7u));
-    return Slot(cell * SIDE + GUTTER, i32(slot >> 6u));
+    let row = slot / COLUMNS;
+    let cell = vec2<f32>(f32(slot % COLUMNS), f32(row % COLUMNS));
+    return Slot(cell * SIDE + GUTTER, i32(row / COLUMNS));
 }
 
 // The share of heights' range, how it grows with a texel along x and y, and the share of valid posts. Decoded before texels
@@ -190,7 +192,8 @@ fn texel_at(source: u32, slot: u32, texel: vec2<f32>) -> vec4<f32> {
     if source == HEIGHTS {
         return height_at(place, inside);
     }
-    let at = (place.corner + inside) * sources[source].per_texel;
+    // Counted so that nothing is rounded, and the same is read in every slot.
+    let at = (place.corner + floor(inside * 2048.0 + 0.5) / 2048.0) * sources[source].per_texel;
     if source == RELIEF {
         return textureSampleLevel(relief_pool, bilinear, at, place.layer, 0.0);
     }

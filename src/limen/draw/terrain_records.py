@@ -18,7 +18,6 @@ from limen.draw import terrain_look
 from limen.draw.terrain_look import TerrainLook
 from limen.draw.views import ways_of_pixels
 from limen.geometry import Floats
-from limen.gpu.pool import PAGE_SIDE
 from limen.select.detail import KEPT
 from limen.view import NEAR_M, PanelViews
 
@@ -230,7 +229,7 @@ def terrain_row(
 
 def source_row(
     pyramid: Pyramid,
-    pool_pages: tuple[int, int],
+    layer_px: tuple[int, int],
     first_entry: int,
     texel_from_post: Floats,
     origin: Origin,
@@ -240,8 +239,8 @@ def source_row(
 
     Parameters
     ----------
-    pool_pages
-        Columns and rows of pages in a layer of its pool.
+    layer_px
+        Size of a layer of its pool, in texels.
     first_entry
         Where the table of its pages begins.
     texel_from_post
@@ -255,6 +254,6 @@ def source_row(
     whole = np.floor(texel)
     row["origin"], row["offset"] = whole.astype(np.int64), texel - whole
     row["size_px"], row["top"], row["ready"] = pyramid.size_px, len(pyramid.levels) - 1, ready
-    row["per_texel"] = 1.0 / (np.array(pool_pages) * PAGE_SIDE)
+    row["per_texel"] = 1.0 / np.array(layer_px)
     row["entries"].reshape(-1)[: len(pyramid.levels)] = [level.first_page + first_entry for level in pyramid.levels]
     return row

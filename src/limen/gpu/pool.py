@@ -19,8 +19,10 @@ PageFormat: TypeAlias = Literal["rgba8unorm-srgb", "rgba8unorm"]
 PAGE_SIDE = 256 + 2 * 4
 """Texels along a page with its gutters. `limen.data.pages` decides this; a test keeps the two equal."""
 
-_PER_SIDE = 8
-_PAGE_BYTES = PAGE_SIDE * PAGE_SIDE * 4
+_COLUMNS = 15
+_LAYER_PX = 4096
+_HEIGHTS_PX = (512, 1024, 2048, _LAYER_PX)
+"""Powers of two, so that a place in a layer is divided by its size exactly: see `PagePool`."""
 
 
 class Placed(Protocol):
@@ -34,41 +36,42 @@ class Placed(Protocol):
 
 
 class PagePool:
-    """Pages of RGBA texels in one array texture, 8 x 8 pages a layer.
+    """Pages of RGBA texels in one array texture, 15 x 15 pages a layer of 4096 x 4096.
 
-    WebGPU allows 2,048 layers at most and 256 by default, so a layer holds many pages.
+    A picture must not depend on the slots that its pages happen to have. Samplers take places as shares of the texture:
+    those are exact only where its sides are powers of two (and shaders count places in 2048ths of a texel), which
+    leaves a fifteenth of the memory unused. WebGPU allows 2,048 layers at most and 256 by default, so a layer holds
+    many pages.
 
     Parameters
     ----------
     budget_bytes
-        How much GPU memory the pool may take; it takes as many whole layers (or, below one layer, whole rows of
-        eight pages) as fit.
+        How much GPU memory the pool may take; it takes as many whole layers as fit, or one of fewer rows.
     format
         ``rgba8unorm-srgb`` for pictures, whose bytes are sRGB codes; ``rgba8unorm`` for bytes that are numbers.
 
     Raises
     ------
     DeviceLimitError
-        If the budget is smaller than eight pages or the adapter refuses the memory.
+        If the budget is smaller than a row of pages or the adapter refuses the memory.
     """
 
     def __init__(self, device: Device, budget_bytes: int, *, format: PageFormat = "rgba8unorm-srgb") -> None:
-        rows = budget_bytes // (_PER_SIDE * _PAGE_BYTES)
-        if rows < 1:
-            needed = _PER_SIDE * _PAGE_BYTES / 1e6
+        fitting = [height for height in _HEIGHTS_PX if height * _LAYER_PX * 4 <= budget_bytes]
+        if not fitting:
+            needed = _HEIGHTS_PX[0] * _LAYER_PX * 4 / 1e6
             raise DeviceLimitError(
                 f"a page pool of {budget_bytes / 1e6:.1f} MB is too small: give at least {needed:.1f} MB"
             )
-        self.columns = _PER_SIDE
-        self.rows = min(rows, _PER_SIDE)
-        self.layers = min(rows // self.rows, device.max_layers)
-        if self.layers % 6 == 0:
-            self.layers -= 1  # OpenGL takes sixes of layers for cubes
-        self.slots = self.columns * self.rows * self.layers
-        self.bytes = self.slots * _PAGE_BYTES
+        self.layer_px = (_LAYER_PX, fitting[-1])
+        layer_bytes = _LAYER_PX * fitting[-1] * 4
+        layers = min(budget_bytes // layer_bytes if fitting[-1] == _LAYER_PX else 1, device.max_layers)
+        if layers % 6 == 0:
+            layers -= 1  # OpenGL takes sixes of layers for cubes
+        self.slots = _COLUMNS * (fitting[-1] // PAGE_SIDE) * layers
+        self.bytes = layers * layer_bytes
         self._queue = device.wgpu.queue
-        size = (self.columns * PAGE_SIDE, self.rows * PAGE_SIDE, max(self.layers, 2))
-        self._texture = _texture(device, size, format)
+        self._texture = _texture(device, (*self.layer_px, max(layers, 2)), format)
         self.texels: Any = self._texture.create_view(dimension="2d-array")
 
     def write(self, uploads: Sequence[Placed]) -> None:
@@ -90,8 +93,8 @@ class PagePool:
     def _origin(self, slot: int) -> tuple[int, int, int]:
         if not 0 <= slot < self.slots:
             raise ValueError(f"slot {slot} is not in a pool of {self.slots} pages")
-        layer, inside = divmod(slot, self.columns * self.rows)
-        row, column = divmod(inside, self.columns)
+        layer, inside = divmod(slot, _COLUMNS * _COLUMNS)
+        row, column = divmod(inside, _COLUMNS)
         return (column * PAGE_SIDE, row * PAGE_SIDE, layer)
 
 
