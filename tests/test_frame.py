@@ -19,7 +19,7 @@ from limen.placement import OnShape, OnSurface
 from limen.rendering import render
 from limen.tolerance import Policy
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 FULL = Policy("full")
 

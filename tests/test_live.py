@@ -17,7 +17,7 @@ from limen.placement import OnSurface
 from limen.present.window import Surface
 from limen.tolerance import Policy
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 _SIZE_PX = (320, 200)
 

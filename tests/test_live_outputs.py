@@ -19,7 +19,7 @@ from limen.errors import InputError
 from limen.present.window import Surface
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 VIEWER = Viewer((0.0, 1.2, 0.8))
 LEFT = Panel("left", (120, 80), (-0.3, 1.4, 0.0), (1, 0, 0), (0, -1, 0), (0.0025, 0.0025))

@@ -17,7 +17,7 @@ from limen.errors import InputError
 from limen.present.window import Surface
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 STANDER = Viewer((0.0, 0.0, 0.0))
 Picture = NDArray[np.int64]

@@ -19,6 +19,8 @@ from limen.stage import SceneSettings
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 
+pytestmark = pytest.mark.drawing
+
 CLOUD = ball(20_000)
 VIEWER = Viewer((0.0, 0.0, 0.0), eye_separation_m=0.0)
 DISPLAY = Display.window((320, 240))

@@ -30,7 +30,7 @@ from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 WALL = Display.named("rostock").scaled(1 / 12)
 EYE = (0.3, 1.5, 0.2)

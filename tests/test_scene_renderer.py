@@ -21,7 +21,7 @@ from limen.select.mesh import Foldable, select_mesh
 from limen.tolerance import Policy
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 VIEWER = Viewer((0.2, 1.7, 0.3), time_s=2.5)
 

@@ -24,7 +24,7 @@ from limen.look_at import LookAt, room_from_posts
 from limen.tolerance import Policy
 from limen.viewer import Pointer, Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 WALL = Display.named("rostock").scaled(1 / 16)
 PART = Display.named("rostock").select(["wall/2,1", "wall/3,2"]).scaled(1 / 2)

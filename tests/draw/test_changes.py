@@ -22,6 +22,8 @@ from limen.viewer import Viewer
 from limen.vision.acuity import optimal_distance_m
 from limen.vision.contrast import sensitivity
 
+pytestmark = pytest.mark.drawing
+
 _PITCH_M = 0.000_233_47
 _SPEED_M_S = 1.252
 _RATE_HZ = 60

@@ -17,7 +17,7 @@ from limen.select.image import view_of
 from limen.tolerance import Policy, tolerance_of
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 _FULL = tolerance_of([], Policy("full"))
 _SIZE_PX = (1900, 1300)

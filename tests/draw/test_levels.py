@@ -19,7 +19,7 @@ from limen.select.image import View, levels_at, shares_at, view_of
 from limen.tolerance import Policy, Tolerance, tolerance_of
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 _FULL = tolerance_of([], Policy("full"))
 

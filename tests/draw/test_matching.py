@@ -34,7 +34,7 @@ from limen.tolerance import Policy, tolerance_of
 from limen.view import Windows
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 Pictures: TypeAlias = dict[str, NDArray[np.uint8]]
 

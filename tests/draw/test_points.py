@@ -22,7 +22,7 @@ from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.view import Windows
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 CLOUD = ball(3000)
 STANDS = np.array([[0.3, 0, 0, 0], [0, 0.3, 0, 0], [0, 0, 0.3, -1.0], [0, 0, 0, 1.0]])

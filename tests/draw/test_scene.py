@@ -19,7 +19,7 @@ from limen.errors import InputError
 from limen.view import GUARD_PX, Windows
 from limen.viewer import Viewer
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 NOWHERE = np.eye(4)
 

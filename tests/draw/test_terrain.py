@@ -21,7 +21,7 @@ from limen.select.rims import RimPool
 from limen.stream import PageTable, Stream
 from limen.view import Windows
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 EYE = (0.1, 0.05, 0.8)
 MAGENTA = (255, 0, 255)

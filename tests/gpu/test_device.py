@@ -15,6 +15,8 @@ from limen.gpu.device import open_device
 from limen.gpu.targets import DEPTH_FORMAT, Targets
 from processes import PYTHON, finished
 
+pytestmark = pytest.mark.drawing
+
 _NOWHERE = {
     "VK_DRIVER_FILES": "/nonexistent",
     "VK_ICD_FILENAMES": "/nonexistent",

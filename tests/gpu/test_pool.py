@@ -14,7 +14,7 @@ from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.pool import PAGE_SIDE, PagePool
 from limen.stream import Upload
 
-pytestmark = pytest.mark.gpu
+pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 ROW_BYTES = 512 * 4096 * 4
 LAYER_BYTES = 4096 * 4096 * 4

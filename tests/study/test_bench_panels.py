@@ -13,6 +13,8 @@ from limen.study import bench_panels
 from limen.study.bench_panels import DISPLAYS, Budget, PanelsRow, Point, aims, measure, points, stage
 from limen.study.panels_plot import panels_picture
 
+pytestmark = pytest.mark.drawing
+
 METHODS = ("limen", "paper", "hierarchy", "per-panel")
 
 
