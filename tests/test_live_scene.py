@@ -275,7 +275,8 @@ def test_what_a_window_is_asked_for_reaches_the_renderer(device: Any, mesh: Mesh
     ):
         ahead.draw()
         aside.draw()
-        assert ahead.live.last is not None and aside.live.last is not None
+        assert ahead.live.last is not None
+        assert aside.live.last is not None
         assert aside.live.last.left < ahead.live.last.left, "less is left of what is seen from the corner of the eye"
     with Screen(device, mesh, depth="shared") as screen:
         screen.draw()

@@ -10,6 +10,7 @@ import tifffile
 from hypothesis import given
 from hypothesis import strategies as st
 from pictures import codes_of, halved, light_of, noisy_picture, repeated, smooth_picture, write_tiff
+from PIL import Image as Picture
 
 import limen.data
 from limen.data.tiles import scales_of
@@ -288,3 +289,16 @@ def test_a_real_slide_equals_what_openslide_reads(data_dir):
         thumbnail = light_of(np.asarray(slide.get_thumbnail((139, 186)))).mean((0, 1))
         mean = light_of(top[:186, :139, :3].astype(float)).mean((0, 1))
         assert np.abs(codes_of(mean).astype(int) - codes_of(thumbnail)).max() <= 2
+
+
+def test_a_format_that_is_not_read_is_not_called_damaged(tmp_path):
+    valid = tmp_path / "valid.tga"
+    Picture.fromarray(np.zeros((8, 8, 3), np.uint8)).save(valid)
+    with pytest.raises(FormatError, match="of no image format that limen reads: make a TIFF") as told:
+        limen.data.open(valid)
+    assert "damaged" not in str(told.value)
+    cut = tmp_path / "cut.png"
+    Picture.fromarray(np.zeros((8, 8, 3), np.uint8)).save(cut)
+    cut.write_bytes(cut.read_bytes()[:20])
+    with pytest.raises(FormatError, match="damaged"):
+        limen.data.open(cut)

@@ -129,7 +129,7 @@ def show(
         refuse_kind(SHOW, given, kind)
         _refuse_overlay(kind, overlay)
         chosen = _policy(kind, policy, acuity_arcmin, in_files=way == "files", acuity_given="--acuity-arcmin" in given)
-        _check_gaze(kind, asked, chosen, terrain)
+        _check_looking(kind, asked, chosen, terrain)
         wishes = _Wishes(fit, most_triangles, mesh, terrain, points, lenses)
         _draw(opened, asked, wishes, chosen, out, out_stream, stack)
 
@@ -197,16 +197,15 @@ def _policy(kind: Kind, text: str, acuity_arcmin: str, *, in_files: bool, acuity
     return policy.timeless if in_files else policy
 
 
-def _check_gaze(kind: Kind, asked: Asked, policy: Policy, terrain: TerrainOptions) -> None:
-    """Refuse a gaze that nothing depends on."""
-    if not asked.gaze or policy.gaze:
-        return
-    if kind != "terrain":
+def _check_looking(kind: Kind, asked: Asked, policy: Policy, terrain: TerrainOptions) -> None:
+    """Refuse to be told where viewers look, or how that is measured, where nothing depends on it."""
+    if kind != "terrain" and asked.gaze and not policy.gaze:
         raise InputError(
             f"--gaze changes nothing under the policy {policy.title}: give one with +gaze, as --policy contrast+gaze"
         )
-    if policy.name == "full" and terrain.field_deg is None and asked.overlay != "panels":
-        raise InputError("--gaze changes nothing under the policy full: give another --policy, or --field-deg")
+    told = [option for option, given in (("--gaze", asked.gaze), ("--rule", terrain.rule != "exact")) if given]
+    if told and kind == "terrain" and (policy.name, terrain.field_deg) == ("full", None) and asked.overlay != "panels":
+        raise InputError(f"{told[0]} changes nothing under the policy full: give another --policy, or --field-deg")
 
 
 def _show_mesh(

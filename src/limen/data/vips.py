@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +30,21 @@ def load(path: Path, *, sequential: bool) -> pyvips.Image:
     try:
         image = pyvips.Image.new_from_file(str(path), access=access, fail_on="error")
     except pyvips.Error as error:
+        if path.exists() and not _is_known(path):
+            raise FormatError(
+                f"{path}: is of no image format that limen reads: make a TIFF, PNG or JPEG of it"
+            ) from error
         raise FormatError(f"{path}: is not an image that can be read, or it is damaged ({one_line(error)})") from error
     if image.format not in ("uchar", "ushort") and image.interpretation not in ("scrgb", "lab", "xyz"):
         raise FormatError(f"{path}: holds {image.format} samples without a colour meaning; export it with 8 or 16 bits")
     return image
+
+
+def _is_known(path: Path) -> bool:
+    """Whether libvips has something that loads files of this kind: what it fails to load then is damaged."""
+    known = pyvips.vips_lib.vips_foreign_find_load(os.fsencode(path)) != pyvips.ffi.NULL
+    pyvips.vips_lib.vips_error_clear()  # or the next error would repeat what was found out here
+    return bool(known)
 
 
 def profile_name(profile: bytes | None) -> str:
