@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +12,6 @@ import limen
 
 SOURCE = Path(limen.__file__).parent
 SHADERS = sorted(SOURCE.rglob("*.wgsl"))
-CLIP = "clip-distances"
-WIDE = {"shader-int64", "shader-int64-atomic-min-max"}
-
-
-@pytest.fixture(scope="module")
-def device() -> Iterator[Any]:
-    import wgpu
-
-    adapter = wgpu.gpu.request_adapter_sync()
-    device = adapter.request_device_sync(required_features=sorted({CLIP, *WIDE} & set(adapter.features)))
-    yield device
-    device.destroy()
 
 
 @pytest.mark.gpu
@@ -34,18 +21,18 @@ def test_a_shader_compiles(path: Path, device: Any) -> None:
     if code.startswith("// Follows"):
         first = re.findall(r"\w+\.wgsl", code.splitlines()[0])
         code = "".join((path.parent / name).read_text(encoding="utf-8") for name in first) + code
-    if "enable clip_distances;" in code and CLIP not in device.features:
+    if "enable clip_distances;" in code and not device.can_clip:
         pytest.skip("THIS ADAPTER HAS NO CLIP DISTANCES: the shader that needs them was not compiled")
-    if "atomic<u64>" in code and not set(device.features) >= WIDE:
+    if "atomic<u64>" in code and not device.has_wide_atomics:
         pytest.skip("THIS ADAPTER HAS NO 64-BIT ATOMICS: the shader that needs them was not compiled")
-    device.create_shader_module(label=path.name, code=code)
+    device.wgpu.create_shader_module(label=path.name, code=code)
 
 
 @pytest.mark.gpu
 def test_an_invalid_shader_is_noticed(device: Any) -> None:
     """The test above means something only if this driver complains at all."""
     with pytest.raises(Exception, match="nonsense"):
-        device.create_shader_module(code="fn f() { nonsense(); }")
+        device.wgpu.create_shader_module(code="fn f() { nonsense(); }")
 
 
 def test_there_are_shaders() -> None:

@@ -358,13 +358,11 @@ class TerrainLayer:
     def _record_picture(
         self, encoder: Any, pipeline: Any, group: Any, depth: Any, colour: list[dict[str, Any]], views: list[int]
     ) -> None:
-        """Colour the pixels of every panel whose depth was drawn.
-
-        Depth is bound and not attached: OpenGL refuses a texture that is both, even where it is only read.
-        """
+        """Colour the pixels of every panel whose depth was drawn; others fail the depth test, or are thrown away."""
         entries = [{"binding": 0, "resource": depth}]
         depths = self._device.wgpu.create_bind_group(layout=self._pipelines.depth_layout, entries=entries)
-        render_pass = encoder.begin_render_pass(color_attachments=colour)
+        attached = {"view": depth, "depth_read_only": True} if self._pipelines.attaches_depth else None
+        render_pass = encoder.begin_render_pass(color_attachments=colour, depth_stencil_attachment=attached)
         render_pass.set_pipeline(pipeline)
         render_pass.set_bind_group(1, depths)
         for view in views:

@@ -147,6 +147,7 @@ fn vertex(in: Vertex) -> CutVaryings {
 @vertex
 fn outline(@builtin(vertex_index) number: u32) -> @builtin(position) vec4<f32> {
     let side = number % 3u;
+    // At depth 0: before nothing, and behind all that is drawn.
     return view.corners[select(number / 3u + side, 0u, side == 0u)];
 }
 
@@ -366,11 +367,12 @@ fn step(before: f32, here: f32, after: f32) -> f32 {
 // The colour of what is nearest in every pixel of a panel.
 @fragment
 fn picture(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    return picture_at(position);
+}
+
+fn picture_at(position: vec4<f32>) -> vec4<f32> {
     let pixel = vec2<i32>(position.xy);
     let depth = depth_at(pixel);
-    if depth <= 0.0 {
-        discard;
-    }
     let right = step(depth_at(pixel - vec2(1, 0)), depth, depth_at(pixel + vec2(1, 0))) / depth;
     let down = step(depth_at(pixel - vec2(0, 1)), depth, depth_at(pixel + vec2(0, 1))) / depth;
     let way = view.way.xyz + position.x * view.way_right.xyz + position.y * view.way_down.xyz;
@@ -386,6 +388,15 @@ fn picture(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         colour = mix(colour, view.tint.rgb * (0.3 + 0.7 * lit(normal)), view.tint.a);
     }
     return vec4<f32>(colour, 1.0);
+}
+
+// The same where depth is not attached, and so tests nothing.
+@fragment
+fn picture_alone(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    if depth_at(vec2<i32>(position.xy)) <= 0.0 {
+        discard;
+    }
+    return picture_at(position);
 }
 
 // Every triangle flat, every patch in a hue of its own.

@@ -47,6 +47,9 @@ class TerrainPipelines:
 
     def __init__(self, device: Device, *, clip: bool, holes: bool) -> None:
         self._device, self._holes = device, holes
+        self.attaches_depth = not device.is_opengl
+        """Pixels without land fail the test of a depth that is only read: on software adapters, frames take a third less
+        than where they are thrown away. OpenGL refuses a texture that is sampled and attached, even so."""
         self._clips = clip and device.can_clip
         self._fragments = load_shader(device, "limen.draw", "terrain.wgsl")
         self._vertices = load_shader(device, "limen.draw", "terrain_clip.wgsl") if self._clips else self._fragments
@@ -80,12 +83,16 @@ class TerrainPipelines:
         if key not in self._made:
             constants = {"COLOURS": COLOURS.index(colours), "CONTOURS": int(contours), "PANELS": int(panels)}
             constants["FADING"] = int(fading)
+            tested = {"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "less"}
             self._made[key] = self._device.wgpu.create_render_pipeline(
                 label="terrain",
                 layout=self._layout([self.layout, self.depth_layout]),
                 vertex={"module": self._fragments, "entry_point": "outline", "buffers": []},
                 primitive={"topology": "triangle-list"},
-                fragment=self._fragment("picture", constants, [{"format": target_format}]),
+                depth_stencil=tested if self.attaches_depth else None,
+                fragment=self._fragment(
+                    "picture" if self.attaches_depth else "picture_alone", constants, [{"format": target_format}]
+                ),
             )
         return self._made[key]
 
