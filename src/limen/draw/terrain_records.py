@@ -175,16 +175,11 @@ def view_rows(
             row[name] = view.clip[:, axis] @ way_from_post
         row["edges"] = view.edges @ way_from_post
         _write_ways(row, view, np.asarray(np.linalg.inv(room_from_posts[:3, :3]), dtype=float), at[:3], size_px)
-        row["near"] = _whole_power(view.near)
+        row["near"] = view.near
         row["tolerance_log2"] = np.minimum(np.log2(np.maximum(allowed_px * KEPT, 1.0)), _COARSEST_LOG2)
         if tints is not None:
             row["tint"] = tints
     return rows.reshape(-1)
-
-
-def _whole_power(near: Floats) -> Floats:
-    """The next smaller power of two: places found from depths are the same to the last bit, wherever a frame begins."""
-    return np.exp2(np.floor(np.log2(np.maximum(near, 1e-30))))
 
 
 def in_strides(rows: Rows) -> NDArray[np.uint8]:
@@ -202,7 +197,7 @@ def _write_ways(
     way_from_pixel = posts_from_room @ ways_of_pixels(view.clip[facing], size_px)
     row["eye"][:, :3] = posts_from_room @ (view.eye_m - origin_m)
     for axis, name in enumerate(("way_right", "way_down", "way")):
-        row[name][facing, :3] = way_from_pixel[:, :, axis] * _whole_power(view.near[facing, None])
+        row[name][facing, :3] = way_from_pixel[:, :, axis] * view.near[facing, None]
     last = np.minimum(np.arange(view.corners.shape[1]), view.corner_count[:, None] - 1)
     outline = np.take_along_axis(view.corners, last[..., None], axis=1)
     corners = np.einsum("naj,nkj->nka", view.clip, outline)[facing]
