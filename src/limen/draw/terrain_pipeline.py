@@ -48,8 +48,8 @@ class TerrainPipelines:
     def __init__(self, device: Device, *, clip: bool, holes: bool) -> None:
         self._device, self._holes = device, holes
         self.attaches_depth = not device.is_opengl
-        """Pixels without land fail the test of a depth that is only read: on software adapters, frames take a third less
-        than where they are thrown away. OpenGL refuses a texture that is sampled and attached, even so."""
+        """Pixels without land fail the test of a depth that is only read: on software adapters, frames take a third
+        less than where they are thrown away. OpenGL refuses a texture that is sampled and attached, even so."""
         self._clips = clip and device.can_clip
         self._fragments = load_shader(device, "limen.draw", "terrain.wgsl")
         self._vertices = load_shader(device, "limen.draw", "terrain_clip.wgsl") if self._clips else self._fragments

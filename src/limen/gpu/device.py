@@ -3,7 +3,8 @@
 OpenGL has one context a process, and wgpu's devices of one adapter are all in it. Each binds its vertex array when it
 is made, and only then; when the device that was made last is freed, nothing is bound, and what the others draw is black
 without a word. So all that open an OpenGL adapter share one device of wgpu's, which ends with the last of them (a
-device of wgpu's that is opened beside limen, and ends, still does that). The adapters of Vulkan, Metal and DirectX give everybody a device of their own.
+device of wgpu's that is opened beside limen, and ends, still does that). The adapters of Vulkan, Metal and DirectX give
+everybody a device of their own.
 """
 
 from __future__ import annotations
