@@ -98,7 +98,7 @@ def gpu_pairs(device: Any, display: Display, eyes: Any, positions: Any, triangle
     eye_from_mesh = np.repeat(np.eye(3, 4)[None], len(eyes), axis=0)
     eye_from_mesh[:, :, 3] = -eyes
     sorter = TriangleSorter(device, positions, triangles, **options)
-    sorter.sort(views, eye_from_mesh, windows.light)
+    sorter.sort(views, eye_from_mesh)
     found = sorter.read_pairs()
     sorter.destroy()
     count = len(quilt.panels)

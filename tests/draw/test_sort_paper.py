@@ -35,7 +35,7 @@ def found_pairs(device: Any, method: Any, display: Display, eyes: Any, mesh: Any
     eye_from_mesh = np.repeat(np.eye(3, 4)[None], len(eyes), axis=0)
     eye_from_mesh[:, :, 3] = -eyes
     sorter = METHODS[method](device, *mesh, **options)
-    sorter.sort(views, eye_from_mesh, windows.light)
+    sorter.sort(views, eye_from_mesh)
     found = [(int(triangle), int(view)) for triangle, view in sorter.read_pairs()]
     sorter.destroy()
     return found, views
