@@ -18,7 +18,7 @@ from cyclopts import App
 
 from desk import WALL, Desk
 from limen.cli import heard
-from limen.cli.app import app
+from limen.cli.app import app, main
 from limen.cli.heard import SHOW, TRAFFIC, VERIFY
 
 COMMON = {"--json", "--quiet", "--verbose"}
@@ -237,3 +237,26 @@ def test_other_verbs_hear(verb: str, desk: Desk) -> None:
 @pytest.mark.usefixtures("calibration")
 def test_other_verbs_refuse(words: str, says: str, desk: Desk) -> None:
     desk.refuses(says, *words.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (("show", "m.ply", "--size-m", "nan"), "--size-m"),
+        (("show", "m.ply", "--turn-deg", "inf"), "--turn-deg"),
+        (("show", "m.ply", "--seconds", "nan"), "--seconds"),
+        (("verify", "m.ply", "--distance-factors", "1", "inf"), "--distance-factors"),
+        (("verify", "m.ply", "--eccentricity-deg", "nan"), "--eccentricity-deg"),
+        (("sample", "image", "w.tif", "--gigapixels", "-inf"), "--gigapixels"),
+    ],
+)
+def test_numbers_that_are_none_are_refused_by_name(
+    words: tuple[str, ...], option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    told = capsys.readouterr()
+    assert (ended.value.code, told.out) == (2, "")
+    (line,) = told.err.strip().splitlines()
+    assert option in line
+    assert "finite" in line

@@ -197,7 +197,7 @@ def test_a_mesh_needs_a_resolution_and_a_display_has_its_own(tmp_path: Path) -> 
         limen.Display.named(path)
     with pytest.raises(InputError, match="pixels per inch must be above 0, got nan"):
         limen.Display.named(path, ppi=math.nan)
-    with pytest.raises(InputError, match="are for mesh files"):
+    with pytest.raises(InputError, match="is for mesh files"):
         limen.Display.named("cube", ppi=100)
     with pytest.raises(MissingFileError, match=r"gone\.obj: no such mesh file"):
         limen.Display.named(str(tmp_path / "gone.obj"), ppi=100)

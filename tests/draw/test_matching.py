@@ -272,6 +272,9 @@ def test_the_least_cosine_is_the_displays_whichever_panels_a_quilt_holds() -> No
     whole = least_cosine(MATCHED_PAIR, EYE[None])
     assert 0.35 < whole < 0.9
     assert least_cosine(UNMATCHED, EYE[None]) == 1.0
+    for panel in MATCHED_PAIR.panels:
+        assert least_cosine(MATCHED_PAIR.select(panel.name), EYE[None]) == whole, "panels that are drawn apart match"
+    assert least_cosine(MATCHED_PAIR.scaled(0.5), EYE[None]) == pytest.approx(whole)
     (quilt,) = pack_outlines(MATCHED_PAIR)
     assert matched_rows(Windows(MATCHED_PAIR, quilt), EYE[None])["least_cosine"] == pytest.approx(whole)
     beside = MATCHED_PAIR.panels[1].outline_m.mean(axis=0) + 0.05 * np.array(MATCHED_PAIR.panels[1].normal)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import _thread
 import contextlib
+import dataclasses
 import difflib
+import math
 import os
 import sys
 import threading
 import traceback
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 from cyclopts.exceptions import UnusedCliTokensError
 
-from limen.errors import LimenError
+from limen.errors import InputError, LimenError
 
 __all__ = ["app", "main"]
 
@@ -72,11 +74,34 @@ def _version() -> str:
     return f"limen {version('limen')}"
 
 
+def _all_finite(_: object, value: object) -> None:
+    """Of every option, and of those that a group holds: Python reads nan and inf as numbers, and nothing here does.
+
+    Raises
+    ------
+    InputError
+        Naming an option of a group; cyclopts names the others.
+    """
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            if not _is_finite(getattr(value, field.name)):
+                raise InputError(f"--{field.name.replace('_', '-')} takes finite numbers alone")
+    elif not _is_finite(value):
+        raise InputError("it takes finite numbers alone")
+
+
+def _is_finite(value: object) -> bool:
+    if isinstance(value, list | tuple):
+        return all(map(_is_finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
 app = App(
     name="limen",
     help="Gigapixel images and 3-D scenes on any display of flat panels, drawn to the threshold of what a viewer sees.",
     version=_version,
     suppress_keyboard_interrupt=False,  # `main` says so itself
+    default_parameter=Parameter(validator=_all_finite),
 )
 _GROUPS = ("calibrate",)
 """Verbs that have verbs of their own: ``limen.cli.<verb>:app``."""
@@ -103,6 +128,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except UnusedCliTokensError as error:
         _fail(_too_many(words, error.unused_tokens or []), _EXIT_INPUT)
     except CycloptsError as error:
+        cause = str(error.__cause__) if isinstance(error.__cause__, InputError) else ""
+        if cause.startswith("--"):
+            _fail(cause, _EXIT_INPUT)
         _fail(str(error).splitlines()[0] + f" (limen {_verb_of(words)}--help shows the options)", _EXIT_INPUT)
     except LimenError as error:
         _fail(" ".join(str(error).split()), _EXIT_INPUT)

@@ -120,17 +120,15 @@ def show(
     refuse_way(SHOW, given, way)
     name = display or ("desktop" if out else "")
     asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
+    wishes = _Wishes(fit, most_triangles, mesh, terrain, points, lenses)
     lenses.check(in_files=way == "files")
     with ExitStack() as stack:
         opened = opened_content(out_stream, content)
-        if isinstance(opened, Image):
-            stack.enter_context(opened)
         kind = kind_of(opened)
         refuse_kind(SHOW, given, kind)
         _refuse_overlay(kind, overlay)
         chosen = _policy(kind, policy, acuity_arcmin, in_files=way == "files", acuity_given="--acuity-arcmin" in given)
         _check_looking(kind, asked, chosen, terrain)
-        wishes = _Wishes(fit, most_triangles, mesh, terrain, points, lenses)
         _draw(opened, asked, wishes, chosen, out, out_stream, stack)
 
 
@@ -145,6 +143,7 @@ def _draw(
 ) -> None:
     """Draw content by what it is."""
     if isinstance(opened, Image):
+        stack.enter_context(opened)
         placement = OnSurface(
             wishes.fit or "contain", lenses=wishes.lenses.lenses(), tessellation=wishes.lenses.tessellation
         )

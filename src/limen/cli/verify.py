@@ -19,7 +19,7 @@ from limen.data.opening import open_content, open_picture
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.gpu.device import open_device
-from limen.placement import OnSurface
+from limen.placement import Fit, OnSurface
 from limen.select.image import view_of
 from limen.study.controls import Control, run_controls
 from limen.study.observer import Observer
@@ -143,22 +143,39 @@ def verify(
     if not display:
         raise InputError("an image is judged on a display: give --display")
     trials = trials_of(chosen, distance_factors or FACTORS, eccentricity_deg)
-    whole, part = Display.named(display), chosen_panels(display, panels)
-    walk = session_named(session or "A", whole)
+    report = _image_report(out, content, _AskedImage(display, panels, session or "A", fit, views, seed), trials)
+    _finish(out, report, content, plot, strict=strict)
+
+
+class _AskedImage(NamedTuple):
+    """How an image is judged."""
+
+    display: str
+    panels: list[str]
+    session: str
+    fit: Fit | None
+    views: int
+    seed: int
+
+
+def _image_report(out: Output, content: Path, asked: _AskedImage, trials: list[Trial]) -> VerifyReport:
+    """The verdict on windows of a walk; ends the program where the observer cannot be believed."""
+    whole, part = Display.named(asked.display), chosen_panels(asked.display, asked.panels)
+    walk = session_named(asked.session, whole)
     observers = {light: Observer(light) for light in sorted({panel.luminance_cd_m2 for panel in part.panels})}
     controls = _controls(out, observers)
-    report = VerifyReport(str(content), part.name, walk.name, seed, list(observers), controls, [], [])
+    report = VerifyReport(str(content), part.name, walk.name, asked.seed, list(observers), controls, [], [])
     if not all(control.holds for control in controls):
         _print_failed(out, controls)
         out.result(report)
         sys.exit(1)
     with open_picture(content) as image:
-        placement = OnSurface(fit or "contain")
-        windows = choose_windows(view_of(part, image.pyramid, placement), walk, views, seed)
+        placement = OnSurface(asked.fit or "contain")
+        windows = choose_windows(view_of(part, image.pyramid, placement), walk, asked.views, asked.seed)
         judged = _judge(out, image, part, placement, windows, trials, observers)
     report.rows = rows_of(trials, judged)
     report.windows = [_window_row(part, window) for window in windows]
-    _finish(out, report, content, plot, strict=strict)
+    return report
 
 
 def _finish(out: Output, report: VerifyReport, content: Path, plot: Path | None, *, strict: bool) -> None:

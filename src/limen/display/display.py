@@ -244,7 +244,12 @@ class Display:
 
     def _part(self, panels: tuple[Panel, ...], quilts: tuple[Quilt, ...] = ()) -> Display:
         """Other panels on the same surface. Previews and cut-outs are shown by no hardware, so they have no quilts."""
-        return _Part(self.name, panels, self.description, quilts, whole=self.surface, whole_pitch_m=self.pitch_m)
+        return _Part(self.name, panels, self.description, quilts, part_of=self.whole)
+
+    @property
+    def whole(self) -> Display:
+        """The display that this is a part or a preview of; itself where it is neither."""
+        return self
 
     @cached_property
     def arrays(self) -> PanelArrays:
@@ -369,20 +374,20 @@ def _scaled(panel: Panel, factor: float) -> Panel:
     )
 
 
-_NOWHERE = Rect(0, 0, 0, 0)
-
-
 @dataclass(frozen=True)
 class _Part(Display):
     """Some panels of a display, or all with fewer pixels: an image still lies on the whole display's surface."""
 
-    whole: Rect = _NOWHERE
-    whole_pitch_m: float = 0.0
+    part_of: Display | None = None
 
-    @cached_property
+    @property
+    def whole(self) -> Display:
+        return self.part_of or self
+
+    @property
     def surface(self) -> Rect:
-        return self.whole
+        return self.whole.surface
 
     @property
     def pitch_m(self) -> float:
-        return self.whole_pitch_m
+        return self.whole.pitch_m

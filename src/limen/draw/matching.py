@@ -138,8 +138,10 @@ def matched_rows(windows: Windows, eyes_m: Floats) -> Rows:
 def least_cosine(display: Display, eyes_m: Floats) -> float:
     """Of the angle between a panel's normal and the way to an eye, over the corners of all panels that lose light.
 
-    All others are dimmed to match, within limits. It is the whole display's, whichever of its panels a quilt holds.
+    All others are dimmed to match, within limits. It is the whole display's, whichever of its panels a quilt holds or
+    are asked for: what is drawn apart has to match, too.
     """
+    display = display.whole
     falling = np.flatnonzero(np.array([panel.falloff > 0 for panel in display.panels]))
     least = 1.0
     for eye_m in eyes_m if len(falling) else ():

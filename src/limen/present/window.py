@@ -131,7 +131,7 @@ def _connect() -> None:
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         if not glfw.init():
-            raise DeviceError(str(said[-1].message) if said else "GLFW finds no screen")
+            raise _no_window(said[-1].message if said else "GLFW finds no screen")
 
 
 def screen_names() -> list[str]:
@@ -169,11 +169,16 @@ def open_canvas(wgpu_device: Any, size: tuple[int, int], title: str, *, screen: 
         canvas = RenderCanvas(size=size, title=title, update_mode="continuous", max_fps=60, vsync=True)
         if screen is not None:
             _fill(canvas, glfw.get_monitors()[screen])
+    except DeviceError:
+        raise
     except Exception as error:
-        raise DeviceError(
-            f"no window can be opened here ({' '.join(str(error).split())}); add --out FOLDER to write pictures instead"
-        ) from None
+        raise _no_window(error) from None
     return Canvas(canvas, loop, wgpu_device)
+
+
+def _no_window(reason: object) -> DeviceError:
+    said = " ".join(str(reason).split())
+    return DeviceError(f"no window can be opened here ({said}); add --out FOLDER to write pictures instead")
 
 
 def _fill(canvas: Any, monitor: Any) -> None:
