@@ -58,7 +58,7 @@ def _text(size_px: tuple[int, int], seed: int) -> Window:
     top = -draw_from.randrange(max(_FONT_SIZES_PX))
     while top < size_px[1]:
         size = draw_from.choice(_FONT_SIZES_PX)
-        # Basic layout: where Pillow finds FriBiDi it would set the same words in another way, and the page would differ.
+        # Basic layout: where Pillow finds FriBiDi it sets the same words in another way, and the page would differ.
         font = ImageFont.truetype(str(_font_file()), size, layout_engine=ImageFont.Layout.BASIC)
         left = float(-draw_from.randrange(4 * size))
         while left < size_px[0]:
