@@ -123,13 +123,21 @@ def show(
     wishes = _Wishes(fit, most_triangles, mesh, terrain, points, lenses)
     lenses.check(in_files=way == "files")
     with ExitStack() as stack:
-        opened = opened_content(out_stream, content)
+        opened = _opened(out_stream, content, stack)
         kind = kind_of(opened)
         refuse_kind(SHOW, given, kind)
         _refuse_overlay(kind, overlay)
         chosen = _policy(kind, policy, acuity_arcmin, in_files=way == "files", acuity_given="--acuity-arcmin" in given)
         _check_looking(kind, asked, chosen, terrain)
         _draw(opened, asked, wishes, chosen, out, out_stream, stack)
+
+
+def _opened(out: Output, path: Path, stack: ExitStack) -> Image | Mesh | Points | Terrain:
+    """Open content; an image is closed with the stack, also where it is refused."""
+    opened = opened_content(out, path)
+    if isinstance(opened, Image):
+        stack.enter_context(opened)
+    return opened
 
 
 def _draw(
@@ -143,7 +151,6 @@ def _draw(
 ) -> None:
     """Draw content by what it is."""
     if isinstance(opened, Image):
-        stack.enter_context(opened)
         placement = OnSurface(
             wishes.fit or "contain", lenses=wishes.lenses.lenses(), tessellation=wishes.lenses.tessellation
         )
