@@ -65,7 +65,7 @@ def test_a_mesh_is_packed_drawn_and_saved_with_its_quilt(capsys: pytest.CaptureF
         (("box.obj",), "give --ppi"),
         (("box.obj", "--ppi", 0), "pixels per inch must be above 0"),
         (("gone.obj", "--ppi", 100), "gone.obj: no such mesh file"),
-        (("cube", "--inside"), "for mesh files"),
+        (("cube", "--inside"), "is for mesh files"),
         (("box.obj", "--ppi", 1e6), "size_px must be from 1 to 65535"),
         (("box.obj", "--ppi", 600, "--quilt"), "panel 'box/0' has"),
     ],
