@@ -15,6 +15,7 @@ from limen.frame import LensMoves
 from limen.lens import Lens
 from limen.placement import OnSurface
 from limen.present.window import Surface
+from limen.stream import FADE_S
 from limen.tolerance import Policy
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
@@ -40,20 +41,24 @@ class Screen:
 
         self.live = Live(device, image, None, None, LiveSettings(Policy(), placement, **more))
         self._device, self._reader = device, TextureReader(device)
+        self._time_s = 0.0
 
     def draw(self) -> np.ndarray:
         usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC
         texture = self._device.wgpu.create_texture(size=(*_SIZE_PX, 1), format="rgba8unorm-srgb", usage=usage)
         shown = -1
         while shown != 0:
-            self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, 1.0))
+            self._frame(texture, 0.02)
             assert self.live.last is not None
             shown = self.live.last.missing + self.live.last.uploads
-        for _ in range(20):  # pages fade in
-            self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, 1.0))
+        self._frame(texture, FADE_S)
         picture = self._reader.read(texture)[..., :3].astype(int)
         texture.destroy()
         return picture
+
+    def _frame(self, texture: Any, later_s: float) -> None:
+        self._time_s += later_s
+        self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, self._time_s))
 
     def key(self, key: str) -> None:
         self.live.handle({"event_type": "key_down", "key": key})

@@ -135,11 +135,13 @@ class Renderer:
         overlay: Overlay | None = None,
         target: Any = None,
         target_format: str = "rgba8unorm-srgb",
+        now_s: float | None = None,
     ) -> FrameReport:
         """Draw what is there, ask for what is missing, and return at once.
 
         ``quilt`` arranges the panels in another way than packing does (a window's unrolled surface);
-        with ``target``, a texture view of its size, they are drawn there.
+        with ``target``, a texture view of its size, they are drawn there. ``now_s`` is the time of the show that pages
+        fade in by; without it they fade in by the computer's clock.
         """
         begin = time.perf_counter()
         tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
@@ -148,7 +150,7 @@ class Renderer:
         selected = time.perf_counter()
         soon = select_ahead(view, policy, viewers, self._earlier, LOOKAHEAD_S)
         self._earlier = tuple(viewers)
-        update = self._stream.update(cut.pages, soon=soon, now_s=begin)
+        update = self._stream.update(cut.pages, soon=soon, now_s=begin if now_s is None else now_s)
         drawable = drawable_of(self._stream, self.view, cut)
         streamed = time.perf_counter()
         self._pool.write(update.uploads)

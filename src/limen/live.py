@@ -110,7 +110,7 @@ class Live:
             self._place(self._placement)
         self.last = self._renderer.frame(
             viewers, self._policy, quilt=self._quilt, overlay=self._overlay,
-            target=surface.target, target_format=surface.target_format,
+            target=surface.target, target_format=surface.target_format, now_s=surface.time_s,
         )  # fmt: skip
         report = self.last
         return f"{self._image.path.name}   {report.policy}   {report.pages} pages, {report.missing} coming   {_HELP}"
