@@ -170,20 +170,20 @@ def test_more_viewers_see_no_less(renderer: Any) -> None:
 
 def test_live_frames_never_wait_and_end_with_the_finished_picture(device: Any, renderer: Any) -> None:
     from limen.gpu.buffers import TextureReader
+    from limen.stream import FADE_S
 
     made = renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0))
     viewer = Viewer((0.0, 1.2, 0.0))
     whole, _ = drawn(renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0)), [viewer])
     reader = TextureReader(device)
-    first = made.frame([viewer], Policy())
+    first = made.frame([viewer], Policy(), now_s=0.0)
     assert first.missing > 0
-    for _ in range(300):
-        textures, report = made.lit_for([viewer], Policy())
+    for number in range(300):
+        textures, report = made.lit_for([viewer], Policy(), now_s=number * 0.01)
+        reader.read(textures[0])  # or frames are submitted faster than drawn
         if not report.missing:
             break
-    for _ in range(40):  # pages that came late fade in
-        textures, report = made.lit_for([viewer], Policy())
-        reader.read(textures[0])  # or frames are submitted faster than drawn
+    textures, report = made.lit_for([viewer], Policy(), now_s=number * 0.01 + FADE_S)
     assert report.missing == 0
     quilt = made.quilts[0]
     from limen.display.quilt import pieces

@@ -187,16 +187,18 @@ class TerrainRenderer:
         overlay: TerrainOverlay | None = None,
         target: Any = None,
         target_format: str = "rgba8unorm-srgb",
+        now_s: float | None = None,
     ) -> TerrainReport:
         """Draw what is there, ask for what is missing, and return at once.
 
         ``quilt`` arranges the panels in another way than packing does (a window's unrolled surface); with ``target``, a
-        texture view of its size, they are drawn there.
+        texture view of its size, they are drawn there. ``now_s`` is the time of the show that pages fade in by; without
+        it they fade in by the computer's clock.
         """
         asked = self._asked(viewers, policy, pointers, overlay, live=True)
         wanted = [self._sight.choose(each, viewers, asked.demands) for each in ([quilt] if quilt else self.quilts)]
         begin = time.perf_counter()
-        missing = self._stock.update(self._wishes(wanted), now_s=begin)
+        missing = self._stock.update(self._wishes(wanted), now_s=begin if now_s is None else now_s)
         streamed_s = time.perf_counter() - begin
         reports = []
         for each in wanted:
@@ -251,11 +253,12 @@ class TerrainRenderer:
         *,
         pointers: Sequence[Pointer] = (),
         overlay: TerrainOverlay | None = None,
+        now_s: float | None = None,
     ) -> tuple[list[Any], TerrainReport]:
-        """The textures of all quilts as they are lit live; valid until the next frame."""
+        """The textures of all quilts as they are lit live; ``now_s`` as in `frame`; valid until the next frame."""
         asked = self._asked(viewers, policy, pointers, overlay, live=True)
         wanted = [self._sight.choose(quilt, asked.viewers, asked.demands) for quilt in self.quilts]
-        missing = self._stock.update(self._wishes(wanted), now_s=time.perf_counter())
+        missing = self._stock.update(self._wishes(wanted), now_s=time.perf_counter() if now_s is None else now_s)
         drawn = [self._draw(each, asked, missing, slot=slot) for slot, each in enumerate(wanted)]
         return [texture for texture, _ in drawn], TerrainReport.of([report for _, report in drawn])
 
