@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.choices import Stereo
 from limen.data.image import Image
 from limen.data.mesh import Mesh
 from limen.data.opening import open_content
@@ -23,7 +24,7 @@ from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.look_at import LookAt
 from limen.placement import OnShape, OnSurface, Placement, mesh_in_room
-from limen.scene import SceneRenderer, Simplified, Stereo
+from limen.scene import SceneRenderer, Simplified
 from limen.select.mesh import Foldable
 from limen.terrain import TerrainRenderer
 from limen.terrain_choice import TerrainSettings

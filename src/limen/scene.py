@@ -9,12 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from limen.camera import Camera
+from limen.choices import STEREOS, Depth, Stereo
 from limen.data.mesh import Mesh
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
@@ -22,7 +23,7 @@ from limen.display.quilt import Quilt, pieces
 from limen.draw.eyes import Anaglyph
 from limen.draw.folded import fold_colours, mesh_of_nodes
 from limen.draw.lit import LitDisplay
-from limen.draw.scene import Depth, SceneLayer, SceneOverlay
+from limen.draw.scene import SceneLayer, SceneOverlay
 from limen.errors import DeviceLimitError, InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
@@ -35,11 +36,9 @@ from limen.tolerance import STANDS, Policy, tolerance_of
 from limen.view import PanelViews, Windows, guard_of
 from limen.viewer import Viewer
 
-__all__ = ["BACKGROUND", "STEREOS", "SceneRenderer", "SceneReport", "Simplified", "Stereo", "Viewers"]
+__all__ = ["BACKGROUND", "SceneRenderer", "SceneReport", "Simplified", "Viewers"]
 
-Stereo: TypeAlias = Literal["none", "anaglyph", "side-by-side", "sequential"]
 Viewers: TypeAlias = Viewer | Sequence[Viewer]
-STEREOS: tuple[Stereo, ...] = get_args(Stereo)
 
 BACKGROUND = (0.006, 0.007, 0.01)
 """Linear light of an empty scene: a dark slate, from which the display's shape still shows."""

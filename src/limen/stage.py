@@ -8,21 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.choices import Animation, Depth, Stereo
 from limen.data.mesh import Mesh
 from limen.data.mesh_sample import ripple
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.draw.scene import Depth, SceneOverlay
+from limen.draw.scene import SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device
 from limen.placement import mesh_in_room, mesh_stand, motion_of
-from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Simplified, Stereo
+from limen.scene import BACKGROUND, SceneRenderer, SceneReport, Simplified
 from limen.tolerance import STANDS
 from limen.viewer import Viewer
 
@@ -43,7 +44,6 @@ __all__ = [
     "posed",
 ]
 
-Animation: TypeAlias = Literal["none", "ripple", "turn"]
 _TURN_DEG_PER_S = 20.0
 
 

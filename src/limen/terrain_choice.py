@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.choices import CAMERAS, CameraKind, Mode
 from limen.data.pages import Pyramid
 from limen.data.terrain import Nodes, PatchTable
 from limen.display.display import Display
@@ -18,17 +19,14 @@ from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.look_at import Flight, LookAt, check_stands, fitted_range_m, in_flight, room_from_posts
 from limen.select.detail import Detail
-from limen.select.terrain import Mode, TerrainCut, select_terrain
+from limen.select.terrain import TerrainCut, select_terrain
 from limen.select.terrain_pages import Faint, TerrainPages, pages_for_terrain
 from limen.select.visibility import PanelDemands, Rule, panel_demands
 from limen.tolerance import Policy
 from limen.view import PanelViews, Windows, guard_of
 from limen.viewer import Pointer, Viewer
 
-__all__ = ["CAMERAS", "CameraKind", "Choice", "Scenery", "TerrainSettings", "TerrainSight", "merged"]
-
-CameraKind: TypeAlias = Literal["window", "fixed"]
-CAMERAS: tuple[CameraKind, ...] = get_args(CameraKind)
+__all__ = ["Choice", "Scenery", "TerrainSettings", "TerrainSight", "merged"]
 
 
 @dataclass(frozen=True, slots=True)

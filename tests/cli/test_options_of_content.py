@@ -31,15 +31,17 @@ THE_WAY_ITSELF = {"--display", "--out"}
 @pytest.fixture
 def show(desk: Desk, contents: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Desk:
     """A desk where ``limen show`` ends as soon as a renderer has been asked; content is open already."""
-    monkeypatch.setattr("limen.cli.show.opened_content", lambda _out, path: contents[str(path)])
+    monkeypatch.setattr("limen.cli.show_content.opened_content", lambda _out, path: contents[str(path)])
     keep_open(monkeypatch, contents[NAMES["image"]])
     monkeypatch.setattr(
-        "limen.cli.show.simplified_mesh",
+        "limen.cli.show_content.simplified_mesh",
         lambda _out, _mesh, policy: None if policy.name == "full" else SimpleNamespace(policy=policy),
     )
-    desk.watch("limen.cli.show.run_live", "limen.cli.show_live.run_live_scene", "limen.cli.show_live.run_live_outputs")
-    desk.watch("limen.cli.show.write_image_frames", "limen.cli.show.write_mesh_frames")
-    desk.watch("limen.cli.show.write_terrain_frames", "limen.cli.show_points.write_points_frames")
+    desk.watch(
+        "limen.cli.show_content.run_live", "limen.cli.show_live.run_live_scene", "limen.cli.show_live.run_live_outputs"
+    )
+    desk.watch("limen.cli.show_content.write_image_frames", "limen.cli.show_content.write_mesh_frames")
+    desk.watch("limen.cli.show_content.write_terrain_frames", "limen.cli.show_points.write_points_frames")
     return desk
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -14,10 +14,12 @@ from limen.cli.output import Output
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import as_vec3
-from limen.live import Tour
-from limen.track.session import Session
 from limen.track.stand import standing_viewer
 from limen.viewer import Pointer, Viewer, nobody_points
+
+if TYPE_CHECKING:
+    from limen.live import Tour
+    from limen.track.session import Session
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]
 

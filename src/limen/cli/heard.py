@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args,
 
 from cyclopts import Parameter
 
-from limen.data.image import Image
-from limen.data.mesh import Mesh
 from limen.errors import InputError
 
 if TYPE_CHECKING:
+    from limen.data.image import Image
+    from limen.data.mesh import Mesh
     from limen.data.points_file import Points
     from limen.data.terrain_file import Terrain
 
@@ -193,6 +193,9 @@ def _typed(name: str, hint: Any) -> str:
 
 def kind_of(content: Image | Mesh | Points | Terrain) -> Kind:
     """What an opened file is, by the word that tables here have for it."""
+    from limen.data.image import Image
+    from limen.data.mesh import Mesh
+
     if isinstance(content, Image | Mesh):
         return "image" if isinstance(content, Image) else "mesh"
     return "points" if content.kind == "points" else "terrain"

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Group, Parameter
+from typing import TYPE_CHECKING
 
 from limen.cli.asked import Asked
+from limen.cli.options.mesh import MeshOptions, Write
+from limen.cli.options.points import PointsOptions
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.cli.show_live import say_who, show_live
-from limen.cli.show_mesh import MeshOptions, Write, check_quilts, lit_display, onlookers, visible_from
+from limen.cli.show_mesh import check_quilts, lit_display, onlookers, visible_from
 from limen.gpu.device import open_device
 from limen.present.file import write_picture
 from limen.tolerance import Policy
@@ -27,26 +26,7 @@ if TYPE_CHECKING:
     from limen.points import PointsReport
     from limen.points_stage import PointsExhibit
 
-__all__ = ["POINTS_DEFAULT", "PointsOptions", "points_row", "show_points", "write_points_frames"]
-
-
-@Parameter(name="*", group=Group("Points"))
-@dataclass(frozen=True, slots=True)
-class PointsOptions:
-    """Options of content that is a cloud of points; `limen.cli.show_mesh.MeshOptions` say where it stands."""
-
-    splats: Annotated[
-        Literal["round", "square"], Parameter(help="Discs that face the eye, or squares, which cost less.")
-    ] = "round"
-    lit: Annotated[
-        bool | None,
-        Parameter(
-            help="Light points that have normals, or show all as coloured. By default, where there are no colours."
-        ),
-    ] = None
-
-
-POINTS_DEFAULT = PointsOptions()
+__all__ = ["points_row", "show_points", "write_points_frames"]
 
 
 def show_points(

@@ -10,8 +10,9 @@ from cyclopts import Parameter
 
 from limen.cli.arguments import chosen_panels, refuse_acuity
 from limen.cli.heard import TRAFFIC, Kind, given_options, refuse_kind
+from limen.cli.options.terrain import TERRAIN_DEFAULT, TerrainOptions
 from limen.cli.output import DEFAULT, Common, Output
-from limen.cli.show_terrain import TERRAIN_DEFAULT, TerrainOptions, opened_content
+from limen.cli.show_terrain import opened_content
 from limen.cli.traffic_scene import scene_traffic
 from limen.cli.traffic_terrain import terrain_traffic
 from limen.data.cloud_type import is_points

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
-from limen.cli.show_terrain import TerrainOptions, opened_content
+from limen.cli.show_terrain import opened_content
 from limen.data.terrain_file import Terrain
 from limen.display.display import Display
 from limen.select.detail import plain_detail

@@ -16,7 +16,7 @@ from limen.geometry import Floats
 
 __all__ = ["open_las"]
 
-_SAMPLES, _SAMPLE_POINTS = 16, 16_384
+_SAMPLES, _SAMPLED_POINTS = 16, 65_536
 _GEOGRAPHIC, _PROJECTED, _UNIT_KEY = 2048, 3072, 3076
 """Keys of GeoTIFF 1.1: the CRS, and its linear unit."""
 _USER_DEFINED = 32767
@@ -43,7 +43,7 @@ def open_las(path: Path) -> Cloud:
     import laspy
 
     try:
-        with laspy.open(path) as reader:
+        with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs) as reader:  # the parallel one unpacks whole chunks
             header = reader.header
             count = int(header.point_count)
             if count == 0:
@@ -77,20 +77,18 @@ def open_las(path: Path) -> Cloud:
 def _look(reader: Any) -> _Look:
     """Sixteen places of the file tell whether colours have 8 bits in their 16 (as some writers leave them), or none.
 
-    Where compressed chunks vary in size, as in COPC, lazrs 0.8 cannot skip: it would read what is not there.
+    Places are where compressed chunks begin: to reach another, all that stands before it in its chunk is unpacked.
     """
     header = reader.header
     names = set(header.point_format.dimension_names)
     count = int(header.point_count)
+    chunk = _chunk_points(header)
+    begins = [0] if chunk is None else sorted({k * count // _SAMPLES // chunk * chunk for k in range(_SAMPLES)})
     records = []
-    skips = not _has_varied_chunks(header)
-    each = min(_SAMPLE_POINTS, -(-count // _SAMPLES))
-    for k in range(_SAMPLES):
-        begin = k * count // _SAMPLES if skips else k * each
-        if skips:
+    for begin in begins:
+        if begin > 0:
             reader.seek(begin)
-        if begin < count:
-            records.append(reader.read_points(min(each, count - begin)))
+        records.append(reader.read_points(min(-(-_SAMPLED_POINTS // len(begins)), count - begin)))
     most = max((int(np.max(record[name])) for record in records for name in _COLOURS if name in names), default=0)
     intensity = np.concatenate([np.asarray(record["intensity"]) for record in records])
     stretch = stretch_of(intensity) if intensity.min() < intensity.max() else None
@@ -99,11 +97,18 @@ def _look(reader: Any) -> _Look:
     return _Look("none" if stretch is None else "grey, from intensity", 1, stretch)
 
 
-def _has_varied_chunks(header: Any) -> bool:
+def _chunk_points(header: Any) -> int | None:
+    """How many points are compressed together; None where chunks vary in size, as in COPC.
+
+    There lazrs 0.8 cannot skip: it would read what is not there.
+    """
     import lazrs
 
-    packed = [record for record in header.vlrs if type(record).__name__ == "LasZipVlr"]
-    return any(lazrs.LazVlr(record.record_data).uses_variable_size_chunks() for record in packed)
+    for record in header.vlrs:
+        if type(record).__name__ == "LasZipVlr":
+            packed = lazrs.LazVlr(record.record_data)
+            return None if packed.uses_variable_size_chunks() else int(packed.chunk_size())
+    return 1
 
 
 def _read(path: Path, count: int, look: _Look, size: int) -> Iterator[Batch]:

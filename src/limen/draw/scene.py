@@ -13,6 +13,7 @@ import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
+from limen.choices import Depth
 from limen.data.mesh import Mesh
 from limen.draw.matching import PanelMatching
 from limen.draw.sort import TriangleSorter
@@ -31,7 +32,6 @@ from limen.view import NEAR_M, Windows
 
 __all__ = ["DEPTH_FORMAT", "METHODS", "QUILT_FORMAT", "Depth", "Method", "SceneLayer", "SceneOverlay"]
 
-Depth: TypeAlias = Literal["panel", "shared"]
 SceneOverlay: TypeAlias = Literal["panels", "simplified"]
 Method: TypeAlias = Literal["limen", "paper", "hierarchy", "per-panel"]
 

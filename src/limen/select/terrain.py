@@ -10,11 +10,12 @@ Using Chunked Level of Detail Control*.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.choices import MODES, Mode
 from limen.data.terrain import Nodes, PatchTable
 from limen.errors import InputError
 from limen.geometry import Floats
@@ -22,10 +23,7 @@ from limen.select import terrain_kernels as kernels
 from limen.select.terrain_forms import TerrainForms, terrain_forms
 from limen.view import PanelViews
 
-__all__ = ["MODES", "Mode", "TerrainCut", "select_terrain"]
-
-Mode: TypeAlias = Literal["adaptive", "level"]
-MODES: tuple[Mode, ...] = get_args(Mode)
+__all__ = ["TerrainCut", "select_terrain"]
 
 _STEPS_PER_OCTAVE = 2
 _MOST_STEPS = 128

@@ -5,17 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
 from numpy.typing import NDArray
 
 from limen.errors import InputError, MissingFileError
-from limen.frame import LensMoves
 from limen.lens import DropOff, Lens
 from limen.tessellation import LensMode, Tessellation
 from limen.track.lens_track import lenses_at, read_lens_tracks
+
+if TYPE_CHECKING:
+    from limen.frame import LensMoves
 
 __all__ = ["LENSES_DEFAULT", "LensOptions"]
 
@@ -98,6 +100,8 @@ class LensOptions:
         InputError
             If one cannot be read, or cannot be.
         """
+        from limen.frame import LensMoves
+
         carried = tuple(
             self._lens(text, text.replace(_CARRIED, "0,0,", 1)) for text in self.lens if text.startswith(_CARRIED)
         )
