@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import random
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ from limen.terrain_choice import TerrainSettings
 from limen.terrain_stock import Draped
 from limen.tolerance import Policy
 from limen.viewer import Viewer
+from processes import PYTHON, finished
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -95,45 +98,83 @@ PLACEMENTS = {
 }
 
 
+class Conditions(NamedTuple):
+    """What no picture may depend on."""
+
+    seed: int
+    """Of the order that everything comes in."""
+    threads: int
+    halvings: int = 0
+    """Of the memory for what is read."""
+
+
+CONDITIONS = Conditions(1, 1), Conditions(2, 4), Conditions(3, 3, 3)
+
+
+def of_image(device: Any, world: Path, placement: Any, under: Conditions) -> Pictures:
+    with limen.open(world) as image:  # type: ignore[union-attr]
+        shuffled: Any = Shuffled(image, under.seed)
+        with Renderer(
+            device, WALL, shuffled, placement, threads=under.threads, gpu_bytes=1 << 29 >> under.halvings
+        ) as renderer:
+            return settled(renderer.pictures([VIEWER], ACUITY))
+
+
+def of_terrain(device: Any, world: Path, hills: Path, under: Conditions) -> Pictures:
+    """With the picture of the world on it."""
+    with limen.open(world) as image:  # type: ignore[union-attr]
+        land: Any = Shuffled(Terrain.open(hills), under.seed)
+        lies = np.array([[image.size_px[0] / land.size_posts[0], 0, 0], [0, image.size_px[1] / land.size_posts[1], 0]])
+        with TerrainRenderer(
+            device, WALL, land, settings=TerrainSettings(look_at=LookAt((0.55, 0.5), 30, 35, 5_000)), reference_m=EYE,
+            gpu_bytes=1 << 28 >> min(under.halvings, 1), draped=Draped(Shuffled(image, under.seed + 1), lies),
+            threads=under.threads,
+        ) as renderer:  # fmt: skip
+            return settled(renderer.pictures([VIEWER], ACUITY))
+
+
+def of_points(device: Any, under: Conditions) -> Pictures:
+    shuffled: Any = Shuffled(ball(40_000), under.seed)
+    stands = np.array([[1.2, 0, 0, 0.3], [0, 1.2, 0, 1.5], [0, 0, 1.2, -3.5], [0, 0, 0, 1.0]])
+    with PointsRenderer(
+        device, WALL, shuffled, room_from_file=stands, threads=under.threads, gpu_bytes=1 << 27 >> under.halvings
+    ) as renderer:
+        return settled(renderer.pictures([VIEWER], ACUITY))
+
+
 @pytest.mark.parametrize("placement", PLACEMENTS.values(), ids=PLACEMENTS.keys())
 def test_of_an_image(placement: Any, world: Path, device: Any) -> None:
-    def picture(threads: int, gpu_bytes: int, seed: int) -> Pictures:
-        with limen.open(world) as image:
-            shuffled: Any = Shuffled(image, seed)
-            made = Renderer(device, WALL, shuffled, placement, threads=threads, gpu_bytes=gpu_bytes)
-            with made as renderer:
-                return settled(renderer.pictures([VIEWER], ACUITY))
-
-    assert_all_equal([picture(1, 1 << 29, 1), picture(4, 1 << 29, 2), picture(3, 1 << 26, 3)])
+    assert_all_equal([of_image(device, world, placement, under) for under in CONDITIONS])
 
 
 def test_of_a_terrain_with_a_picture_on_it(hills: Path, world: Path, device: Any) -> None:
-    look_at = LookAt((0.55, 0.5), 30, 35, 5_000)
-
-    def picture(threads: int, gpu_bytes: int, seed: int) -> Pictures:
-        with limen.open(world) as image:
-            land: Any = Shuffled(Terrain.open(hills), seed)
-            lies = np.array(
-                [[image.size_px[0] / land.size_posts[0], 0, 0], [0, image.size_px[1] / land.size_posts[1], 0]]
-            )
-            made = TerrainRenderer(
-                device, WALL, land, settings=TerrainSettings(look_at=look_at), reference_m=EYE, gpu_bytes=gpu_bytes,
-                draped=Draped(Shuffled(image, seed + 1), lies), threads=threads,
-            )  # fmt: skip
-            with made as renderer:
-                return settled(renderer.pictures([VIEWER], ACUITY))
-
-    assert_all_equal([picture(1, 1 << 28, 1), picture(4, 1 << 28, 2), picture(2, 1 << 27, 3)])
+    assert_all_equal([of_terrain(device, world, hills, under) for under in CONDITIONS])
 
 
 def test_of_a_cloud_of_points(device: Any) -> None:
-    cloud = ball(40_000)
-    stands = np.array([[1.2, 0, 0, 0.3], [0, 1.2, 0, 1.5], [0, 0, 1.2, -3.5], [0, 0, 0, 1.0]])
+    assert_all_equal([of_points(device, under) for under in CONDITIONS])
 
-    def picture(threads: int, gpu_bytes: int, seed: int) -> Pictures:
-        shuffled: Any = Shuffled(cloud, seed)
-        made = PointsRenderer(device, WALL, shuffled, room_from_file=stands, threads=threads, gpu_bytes=gpu_bytes)
-        with made as renderer:
-            return settled(renderer.pictures([VIEWER], ACUITY))
 
-    assert_all_equal([picture(1, 1 << 27, 1), picture(4, 1 << 27, 2), picture(3, 1 << 24, 3)])
+def all_kinds(device: Any, world: Path, hills: Path, under: Conditions) -> Pictures:
+    drawn = {
+        "image": of_image(device, world, PLACEMENTS["through a lens"], under),
+        "terrain": of_terrain(device, world, hills, under),
+        "points": of_points(device, under),
+    }
+    return {f"{kind} {panel}": picture for kind, pictures in drawn.items() for panel, picture in pictures.items()}
+
+
+def test_in_another_process(world: Path, hills: Path, device: Any, tmp_path: Path) -> None:
+    """A message and data are the same picture to whoever draws it, which is what walls of many nodes stand on."""
+    script = (
+        "import sys, test_repeatable as here; from pathlib import Path; from limen.gpu.device import open_device\n"
+        "with open_device() as device:\n"
+        "    drawn = here.all_kinds(device, *map(Path, sys.argv[1:3]), here.Conditions(7, 5, 2))\n"
+        "here.np.savez(sys.argv[3], **drawn)"
+    )
+    path = os.pathsep.join(sys.path)
+    kept = tmp_path / "drawn.npz"
+    ended = finished([*PYTHON, "-c", script, world, hills, kept], 200, env=os.environ | {"PYTHONPATH": path})
+    assert ended.returncode == 0, ended.stderr
+    with np.load(kept) as other:
+        assert_all_equal([all_kinds(device, world, hills, CONDITIONS[0]), dict(other)])
