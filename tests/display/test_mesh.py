@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
@@ -94,6 +94,9 @@ def test_a_frame_makes_the_lit_outline_smaller_on_every_side() -> None:
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.01))
+@example((0.0, -1.0, 1e-5))
+@example((1e-9, -1.0, 0.0))
+@example((0.0, -1.0, 1e-13))
 def test_the_upward_direction_of_a_mesh_becomes_the_rooms(up: tuple[float, float, float]) -> None:
     mesh = PolygonMesh(
         np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], np.array(up) / np.linalg.norm(up)]), ((0, 1, 2), (0, 1, 3))

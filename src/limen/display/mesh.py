@@ -304,8 +304,11 @@ def _pair(values: Floats) -> tuple[float, float]:
 def _turn_to_up(up: Floats) -> Floats:
     """The smallest rotation, shape (3, 3), that takes a unit vector to the room's y (Rodrigues)."""
     axis, cosine = np.cross(up, _UP), float(up @ _UP)
-    if cosine < -1 + 1e-12:
+    sine2 = float(axis @ axis)
+    if cosine < 0 and sine2 < 1e-24:
         return np.diag([1.0, -1.0, -1.0])
     x, y, z = axis
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + cosine))
+    # 1 / (1 + cosine), which near -1 has no digits left.
+    share = 1 / (1 + cosine) if cosine >= 0 else (1 - cosine) / sine2
+    return np.asarray(np.eye(3) + skew + share * skew @ skew)
