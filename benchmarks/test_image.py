@@ -12,15 +12,15 @@ import pytest
 import pyvips
 
 from limen.data import ingest, sample_image
-from limen.data.contrast import ContrastSurvey
-from limen.data.image import open_image
+from limen.data.image.contrast import ContrastSurvey
+from limen.data.image.file import open_image
 from limen.data.pages import PAGE
-from limen.machine import worker_count
-from limen.select.image import select
-from limen.stream import Stream
+from limen.layers.image.select import select
+from limen.stream.pages import Stream
 from limen.study.bench import measure_walk, one_to_one_room, walk_viewers
 from limen.study.blank import Blank
-from limen.tolerance import Policy, tolerance_of
+from limen.system import worker_count
+from limen.viewing.tolerance import Policy, tolerance_of
 
 ROOM = one_to_one_room()
 

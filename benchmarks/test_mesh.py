@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from limen.data.mesh_sample import ripple, torus_knot
+from limen.data.samples.mesh import ripple, torus_knot
 
 
 @pytest.mark.parametrize("triangles", [69_716, 871_000])

@@ -7,7 +7,7 @@ import numpy as np
 
 import limen
 from limen.data import CONTRAST_OF_BYTE, PAGE, page_contrast, sample_image
-from limen.present.file import write_picture
+from limen.pictures.files import write_picture
 
 path = sys.argv[1] if len(sys.argv) > 1 else sample_image("world.tif", gigapixels=0.01, aspect=2.0).path
 number = int(sys.argv[2]) if len(sys.argv) > 2 else 1

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import limen
 from limen.data import sample_image
-from limen.present.file import write_picture
+from limen.pictures.files import write_picture
 
 sample_image("world.tif", gigapixels=0.01)
 wall = limen.Display.preset("reality-deck")

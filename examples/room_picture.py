@@ -2,8 +2,8 @@
 
 import limen
 from limen.data import sample_image
-from limen.present.file import write_picture
-from limen.present.room import draw_room, draw_surface
+from limen.pictures.files import write_picture
+from limen.pictures.room import draw_room, draw_surface
 
 sample_image("world.tif", gigapixels=0.01)
 room = limen.Display.preset("reality-deck")

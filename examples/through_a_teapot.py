@@ -1,11 +1,11 @@
 """A mesh seen through a display of 1,024 panels in the shape of a teapot, and what that looks like from elsewhere."""
 
 import limen
-from limen.camera import Camera
 from limen.data import torus_knot
 from limen.gpu.device import open_device
-from limen.present.file import write_picture
-from limen.scene import SceneRenderer
+from limen.layers.mesh.renderer import SceneRenderer
+from limen.pictures.files import write_picture
+from limen.viewing.camera import Camera
 
 teapot = limen.Display.preset("teapot").scaled(0.2)  # a fifth of the pixels: enough for a look
 viewer = limen.Viewer((0.5, 1.6, 2.0), direction=(-0.2, -0.2, -1))

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import limen
 from limen.data import sample_image
-from limen.placement import OnSurface
-from limen.present.file import write_picture
+from limen.pictures.files import write_picture
+from limen.viewing.placement import OnSurface
 
 sample_image("world.tif", gigapixels=0.004)
 wall = limen.Display.preset("rostock")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from limen.data.points_build import build_points
-from limen.data.points_file import Points
+from limen.data.points.build import build_points
+from limen.data.points.file import Points
 
 
 def ball(count: int = 20_000, seed: int = 3, *, normals: bool = True) -> Points:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from limen.machine import cache_folder
+from limen.system import cache_folder
 
 # Tests that move the cache elsewhere would compile all loops again; read when Numba is imported, also by children.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder() / "numba"))

@@ -16,8 +16,8 @@ import pytest
 from limen.cli import heard
 from limen.cli.app import app, main
 from limen.cli.heard import Kind
-from limen.data.image import Image
-from limen.data.mesh import Mesh
+from limen.data.image.file import Image
+from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt

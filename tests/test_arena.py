@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from limen.arena import Arena
+from limen.stream.ranges import Arena
 
 
 class Owners:

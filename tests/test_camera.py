@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.camera import Camera
 from limen.errors import InputError
+from limen.viewing.camera import Camera
 
 _NUMBER = st.floats(-3, 3)
 _PLACE = st.tuples(_NUMBER, _NUMBER, _NUMBER)

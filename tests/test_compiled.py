@@ -51,7 +51,7 @@ def package(tmp_path: Path) -> Path:
     """A copy of the package with three tiny files of loops."""
     folder = tmp_path / "clone/limen"
     folder.mkdir(parents=True)
-    for name in ("__init__.py", "compiled.py", "machine.py"):
+    for name in ("__init__.py", "compiled.py", "system.py"):
         shutil.copy(SOURCE / name, folder)
     for name, text in TINY.items():
         (folder / name).write_text(text)
@@ -120,7 +120,7 @@ def test_loops_run_as_plain_python_where_numba_is_told_not_to_compile(package: P
 
 def test_bounds_are_checked_by_code_that_was_compiled_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Numba would go on with code that does not check them."""
-    file, uncached = SOURCE / "select/kernels.py", module._stamp.__wrapped__
+    file, uncached = SOURCE / "layers/image/kernels.py", module._stamp.__wrapped__
     assert uncached(file) == uncached(file)
     before = uncached(file)
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
@@ -150,7 +150,11 @@ def test_two_processes_that_compile_at_once_never_find_each_others_code(
 def test_folders_that_were_not_used_for_long_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_base", lambda: tmp_path)
     long_ago = time.time() - (module._UNUSED_DAYS + 1) * 24 * 3600
-    stamps = ("limen.data.kernels-0123456789abcdef", "limen.data.kernels-fedcba9876543210", "limen-somebody's.own")
+    stamps = (
+        "limen.data.image.halving_kernels-0123456789abcdef",
+        "limen.data.image.halving_kernels-fedcba9876543210",
+        "limen-somebody's.own",
+    )
     for name in stamps:
         (tmp_path / name).mkdir()
         (tmp_path / name / "loop.nbi").touch()
@@ -162,11 +166,11 @@ def test_folders_that_were_not_used_for_long_are_removed(tmp_path: Path, monkeyp
 
 def test_a_folder_in_use_is_not_taken_for_an_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_base", lambda: tmp_path)
-    folder = module._folder.__wrapped__(SOURCE / "select/kernels.py")
+    folder = module._folder.__wrapped__(SOURCE / "layers/image/kernels.py")
     folder.mkdir()
     long_ago = time.time() - (module._UNUSED_DAYS + 1) * 24 * 3600
     os.utime(folder, (long_ago, long_ago))
-    assert module._folder.__wrapped__(SOURCE / "select/kernels.py") == folder
+    assert module._folder.__wrapped__(SOURCE / "layers/image/kernels.py") == folder
     module._prune.__wrapped__()
     assert folder.exists()
 

@@ -11,13 +11,13 @@ import pyvips
 
 import limen
 from limen.data import sample_image
-from limen.data.mesh_sample import sample_mesh
+from limen.data.samples.mesh import sample_mesh
 from limen.display.quilt import Quilt
 from limen.errors import DeviceLimitError, InputError
-from limen.frame import Renderer, select_ahead
-from limen.placement import OnShape, OnSurface
-from limen.rendering import render
-from limen.tolerance import Policy
+from limen.layers.image.renderer import Renderer, select_ahead
+from limen.show.rendering import render
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -124,7 +124,7 @@ def test_a_live_frame_never_waits_and_arrives_in_the_end(world, device):
 
 
 def test_pages_are_fetched_ahead_of_a_walking_viewer(world):
-    from limen.select.image import view_of
+    from limen.layers.image.select import view_of
 
     with limen.open(world) as image:
         view = view_of(limen.Display.window((1732, 866)), image.pyramid, OnSurface())

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from limen.errors import InputError
-from limen.lens import DROP_OFFS, Lens, drop_off, jacobian_of, rows_of, shown_at, source_of
-from limen.select.lens_kernels import seen_through, smallest_reach
+from limen.layers.image.lens_kernels import seen_through, smallest_reach
+from limen.viewing.lens import DROP_OFFS, Lens, drop_off, jacobian_of, rows_of, shown_at, source_of
 
 SIDE = 1000.0
 

@@ -11,12 +11,12 @@ import wgpu
 from PIL import Image as Picture
 
 import limen
-from limen.frame import LensMoves
-from limen.lens import Lens
-from limen.placement import OnSurface
-from limen.present.window import Surface
-from limen.stream import FADE_S
-from limen.tolerance import Policy
+from limen.layers.image.renderer import LensMoves
+from limen.show.window import Surface
+from limen.stream.pages import FADE_S
+from limen.viewing.lens import Lens
+from limen.viewing.placement import OnSurface
+from limen.viewing.tolerance import Policy
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -37,7 +37,7 @@ class Screen:
 
     def __init__(self, device: Any, image: Any, placement: OnSurface, **more: Any) -> None:
         from limen.gpu.buffers import TextureReader
-        from limen.live import Live, LiveSettings
+        from limen.show.live import Live, LiveSettings
 
         self.live = Live(device, image, None, None, LiveSettings(Policy(), placement, **more))
         self._device, self._reader = device, TextureReader(device)

@@ -10,14 +10,14 @@ import pytest
 import wgpu
 from numpy.typing import NDArray
 
-from limen.data.mesh import Mesh
-from limen.data.mesh_sample import torus_knot
+from limen.data.mesh.mesh import Mesh
+from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.errors import InputError
-from limen.present.window import Surface
-from limen.viewer import Viewer
+from limen.show.window import Surface
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -50,9 +50,9 @@ def draw(device: Any, live: Any, number: int, size_px: tuple[int, int], time_s: 
 
 
 def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
-    from limen.live_outputs import LiveOutputs
-    from limen.scene import SceneRenderer
-    from limen.stage import MeshExhibit, SceneSettings
+    from limen.layers.mesh.renderer import SceneRenderer
+    from limen.show.live_outputs import LiveOutputs
+    from limen.show.stage import MeshExhibit, SceneSettings
 
     live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), MAPPED, VIEWER)
     windows = [draw(device, live, number, quilt.size_px) for number, quilt in enumerate(MAPPED.quilts)]
@@ -66,8 +66,8 @@ def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
 
 
 def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
-    from limen.live_outputs import LiveOutputs
-    from limen.stage import MeshExhibit, SceneSettings
+    from limen.show.live_outputs import LiveOutputs
+    from limen.show.stage import MeshExhibit, SceneSettings
 
     live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings(animate="turn")), MAPPED, VIEWER)
     first, second = (quilt.size_px for quilt in MAPPED.quilts)
@@ -87,8 +87,8 @@ def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
 
 
 def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
-    from limen.live_outputs import LiveOutputs
-    from limen.stage import MeshExhibit, SceneSettings
+    from limen.show.live_outputs import LiveOutputs
+    from limen.show.stage import MeshExhibit, SceneSettings
 
     live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), MAPPED, VIEWER)
     with pytest.raises(InputError, match="output 'two' has 90 x 120 pixels and its quilt 80 x 120"):
@@ -97,8 +97,8 @@ def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
 
 
 def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device: Any, mesh: Mesh) -> None:
-    from limen.live_outputs import LiveOutputs
-    from limen.stage import MeshExhibit, SceneSettings
+    from limen.show.live_outputs import LiveOutputs
+    from limen.show.stage import MeshExhibit, SceneSettings
 
     with pytest.raises(InputError, match="add \\[\\[quilt\\]\\]"):
         LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), Display("bare", (LEFT,)), VIEWER)
@@ -114,6 +114,6 @@ def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device
     ],
 )  # fmt: skip
 def test_which_screen_an_output_means(output: str, names: list[str], screen: int | None) -> None:
-    from limen.live_outputs import _screen_of
+    from limen.show.live_outputs import _screen_of
 
     assert _screen_of(output, names) == screen

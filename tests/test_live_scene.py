@@ -10,12 +10,12 @@ import pytest
 import wgpu
 from numpy.typing import NDArray
 
-from limen.data.mesh import Mesh
-from limen.data.mesh_sample import torus_knot
+from limen.data.mesh.mesh import Mesh
+from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.present.window import Surface
-from limen.viewer import Viewer
+from limen.show.window import Surface
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -33,8 +33,8 @@ class Screen:
 
     def __init__(self, device: Any, mesh: Mesh, display: Display | None = None, tour: Any = STANDER, **fields: Any):
         from limen.gpu.buffers import TextureReader
-        from limen.live_scene import LiveScene
-        from limen.stage import MeshExhibit, SceneSettings
+        from limen.show.live_scene import LiveScene
+        from limen.show.stage import MeshExhibit, SceneSettings
 
         self.device = device
         of_exhibit = {name: fields.pop(name) for name in ("simplified", "overlay") if name in fields}
@@ -157,7 +157,7 @@ def test_two_eyes_in_a_window(device: Any, mesh: Mesh) -> None:
 
 
 def test_dragging_leads_the_viewer_around_a_simulated_display(device: Any, mesh: Mesh) -> None:
-    from limen.track.stand import standing_viewer
+    from limen.viewing.standing import standing_viewer
 
     cube = Display.preset("cube").scaled(0.2)
     with Screen(device, mesh, cube, standing_viewer(cube)) as screen:
@@ -182,7 +182,7 @@ def test_dragging_leads_the_viewer_around_a_simulated_display(device: Any, mesh:
 
 
 def test_dragging_turns_the_head_in_a_room(device: Any, mesh: Mesh) -> None:
-    from limen.track.stand import standing_viewer
+    from limen.viewing.standing import standing_viewer
 
     cave = Display.preset("cave").scaled(0.1)
     with Screen(device, mesh, cave, standing_viewer(cave)) as screen:
@@ -196,7 +196,7 @@ def test_dragging_turns_the_head_in_a_room(device: Any, mesh: Mesh) -> None:
 
 
 def test_the_wheel_leads_to_a_simulated_display_and_across_a_room(device: Any, mesh: Mesh) -> None:
-    from limen.track.stand import standing_viewer
+    from limen.viewing.standing import standing_viewer
 
     for name, nearer in (("cube", 0.7), ("cave", 0.8)):
         display = Display.preset(name).scaled(0.1)
@@ -257,10 +257,10 @@ def test_closing_frees_what_was_made(device: Any, mesh: Mesh, monkeypatch: pytes
 
 def test_what_a_window_is_asked_for_reaches_the_renderer(device: Any, mesh: Mesh) -> None:
     """The overlay by its name, the depth that panels share, and where somebody before a window looks."""
-    from limen.data.tree_build import build_vertex_tree
-    from limen.scene import Simplified
-    from limen.select.mesh import Foldable
-    from limen.tolerance import Policy
+    from limen.data.mesh.tree_build import build_vertex_tree
+    from limen.layers.mesh.renderer import Simplified
+    from limen.layers.mesh.select import Foldable
+    from limen.viewing.tolerance import Policy
 
     simplified = Simplified(Foldable(build_vertex_tree(mesh)), Policy("contrast", 6.0, gaze=True))
     with (

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.terrain import Nodes
+from limen.data.terrain.model import Nodes
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.look_at import BEHIND, Flight, LookAt, in_flight, room_from_posts
-from limen.track.stand import standing_viewer
+from limen.layers.terrain.look_at import BEHIND, Flight, LookAt, in_flight, room_from_posts
+from limen.viewing.standing import standing_viewer
 
 
 class _Land(NamedTuple):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lands import GridLand
 
 from limen.errors import InputError
-from limen.patch_stream import PatchStream
+from limen.layers.terrain.stream import PatchStream
 
 HEIGHTS = np.add.outer(np.arange(65.0), np.arange(129.0))
 

@@ -10,11 +10,11 @@ import pytest
 
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.lens import Lens
-from limen.placement import OnSurface, arrangement_of, carried_lenses, mesh_in_room, texel_pointed_at
-from limen.stage import SceneSettings
-from limen.track.stand import standing_viewer
-from limen.viewer import Pointer
+from limen.show.stage import SceneSettings
+from limen.viewing.lens import Lens
+from limen.viewing.placement import OnSurface, arrangement_of, carried_lenses, mesh_in_room, texel_pointed_at
+from limen.viewing.standing import standing_viewer
+from limen.viewing.viewer import Pointer
 
 BOX = np.array([(-1.0, 0.0, 2.0), (3.0, 2.0, 3.0)])
 

@@ -9,15 +9,15 @@ import pytest
 from tests.clouds import ball
 
 import limen
-from limen.data.point_nodes import CHUNK_NODES, NODE
+from limen.data.points.nodes import CHUNK_NODES, NODE
 from limen.display.display import Display
 from limen.errors import InputError, PageError
-from limen.points import PointsRenderer
-from limen.points_stage import PointsExhibit
-from limen.points_stream import CHUNK_BYTES, PointStream
-from limen.stage import SceneSettings
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.layers.points.renderer import PointsRenderer
+from limen.layers.points.stream import CHUNK_BYTES, PointStream
+from limen.show.points_stage import PointsExhibit
+from limen.show.stage import SceneSettings
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 pytestmark = pytest.mark.drawing
 

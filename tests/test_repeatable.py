@@ -18,19 +18,19 @@ import limen
 from clouds import ball
 from ground import write_dem
 from limen.data import sample_image
-from limen.data.terrain_build import ingest_terrain
-from limen.data.terrain_file import Terrain
+from limen.data.terrain.file import Terrain
+from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
-from limen.frame import Renderer
-from limen.lens import Lens
-from limen.look_at import LookAt
-from limen.placement import OnShape, OnSurface
-from limen.points import PointsRenderer
-from limen.terrain import TerrainRenderer
-from limen.terrain_choice import TerrainSettings
-from limen.terrain_stock import Draped
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.layers.image.renderer import Renderer
+from limen.layers.points.renderer import PointsRenderer
+from limen.layers.terrain.look_at import LookAt
+from limen.layers.terrain.renderer import TerrainRenderer
+from limen.layers.terrain.resources import Draped
+from limen.layers.terrain.selector import TerrainSettings
+from limen.viewing.lens import Lens
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 from processes import PYTHON, finished
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]

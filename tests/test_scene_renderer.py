@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from limen import scene
-from limen.camera import Camera
-from limen.data.mesh import Mesh
-from limen.data.mesh_sample import torus_knot
-from limen.data.tree_build import build_vertex_tree
+from limen.data.mesh.mesh import Mesh
+from limen.data.mesh.tree_build import build_vertex_tree
+from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.errors import DeviceLimitError, InputError
-from limen.scene import SceneRenderer
-from limen.select.mesh import Foldable, select_mesh
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.layers.mesh import renderer as scene
+from limen.layers.mesh.renderer import SceneRenderer
+from limen.layers.mesh.select import Foldable, select_mesh
+from limen.viewing.camera import Camera
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -49,7 +49,7 @@ def assert_same(one: NDArray[Any], other: NDArray[Any], but: float = 0.002) -> N
 
 @pytest.mark.parametrize("stereo", ["none", "anaglyph", "side-by-side", "sequential"])
 def test_many_quilts_show_what_one_shows(device: Any, mesh: Mesh, wall: Display, stereo: Any) -> None:
-    from limen.scene import SceneRenderer, SceneReport
+    from limen.layers.mesh.renderer import SceneRenderer, SceneReport
 
     with (
         SceneRenderer(device, wall, mesh, stereo=stereo) as one,
@@ -70,7 +70,7 @@ def test_many_quilts_show_what_one_shows(device: Any, mesh: Mesh, wall: Display,
 
 def test_a_camera_sees_the_same_of_many_quilts(device: Any, mesh: Mesh, wall: Display) -> None:
     """Quilts of one size keep their own pixels while the display is looked at."""
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     camera = Camera(VIEWER.position_m, (0.0, 1.5, -1.5), (160, 120), 60.0)
     seen = []
@@ -86,7 +86,7 @@ def test_the_quilts_of_an_adapter_of_small_textures(
     device: Any, mesh: Mesh, wall: Display, stereo: Any, widest: int
 ) -> None:
     """No quilt is larger than the adapter's textures: for two eyes, half as wide."""
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     with SceneRenderer(replace(device, max_texture_px=256), wall, mesh, stereo=stereo) as renderer:
         assert len(renderer.quilts) > 1
@@ -96,7 +96,7 @@ def test_the_quilts_of_an_adapter_of_small_textures(
 
 def test_a_mapping_that_the_adapter_cannot_hold_is_named(device: Any, mesh: Mesh, wall: Display) -> None:
     from limen.display.quilt import pack
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     (packed,) = pack(wall)
     mapped = Display("mapped", wall.panels, quilts=(replace(packed, output="HDMI-1"),))
@@ -108,7 +108,7 @@ def test_a_mapping_that_the_adapter_cannot_hold_is_named(device: Any, mesh: Mesh
 
 
 def test_two_eyes_that_are_one_see_the_same(device: Any, mesh: Mesh, wall: Display) -> None:
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     with SceneRenderer(device, wall, mesh, stereo="sequential") as renderer:
         seen = pictures(renderer, replace(VIEWER, eye_separation_m=0.0))
@@ -117,7 +117,7 @@ def test_two_eyes_that_are_one_see_the_same(device: Any, mesh: Mesh, wall: Displ
 
 
 def test_quilts_come_whole_and_by_name(device: Any, mesh: Mesh, wall: Display) -> None:
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     with SceneRenderer(device, wall, mesh, max_quilt_px=60_000) as renderer:
         whole = [(name, picture.shape[:2]) for name, picture, _ in renderer.quilt_pictures(VIEWER)]
@@ -125,7 +125,7 @@ def test_quilts_come_whole_and_by_name(device: Any, mesh: Mesh, wall: Display) -
 
 
 def test_no_camera_sees_two_pictures_at_once(device: Any, mesh: Mesh, wall: Display) -> None:
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     with (
         SceneRenderer(device, wall, mesh, stereo="side-by-side") as renderer,
@@ -136,7 +136,7 @@ def test_no_camera_sees_two_pictures_at_once(device: Any, mesh: Mesh, wall: Disp
 
 def test_wherever_a_viewer_stands_there_are_pictures(device: Any, mesh: Mesh, wall: Display) -> None:
     """In the plane of all panels, behind them, inside the mesh and very far away."""
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     with SceneRenderer(device, wall, mesh, background=(0, 0, 0)) as renderer:
         for place, lit in (((0, 1.5, -1.5), False), ((0, 1.5, -9), False), ((0, 1.5, -1.4), True), ((0, 1, 1e5), True)):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.errors import InputError, PageError
-from limen.stream import FADE_S, Stream
+from limen.stream.pages import FADE_S, Stream
 from processes import PYTHON, finished
 
 SIDE = PAGE + 2 * GUTTER
@@ -188,7 +188,7 @@ def test_a_program_that_fails_before_it_closes_a_stream_ends():
     program = """
 import numpy as np
 from limen.data.pages import Pyramid
-from limen.stream import Stream
+from limen.stream.pages import Stream
 
 class Source:
     pyramid = Pyramid.of((4096, 2048))

@@ -15,14 +15,14 @@ from PIL import Image as Picture
 
 import limen
 from ground import SIZE, hills, write_dem
-from limen import terrain_stock
-from limen.data.terrain_build import ingest_terrain
-from limen.data.terrain_file import Terrain
+from limen.data.terrain.file import Terrain
+from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.look_at import LookAt, room_from_posts
-from limen.tolerance import Policy
-from limen.viewer import Pointer, Viewer
+from limen.layers.terrain import resources as terrain_stock
+from limen.layers.terrain.look_at import LookAt, room_from_posts
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Pointer, Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -46,8 +46,8 @@ def terrain(tmp_path_factory: pytest.TempPathFactory) -> Terrain:
 @pytest.fixture
 def renderer(device: Any, terrain: Terrain) -> Iterator[Any]:
     """Makes renderers with other settings."""
-    from limen.terrain import TerrainRenderer
-    from limen.terrain_choice import TerrainSettings
+    from limen.layers.terrain.renderer import TerrainRenderer
+    from limen.layers.terrain.selector import TerrainSettings
 
     made: list[TerrainRenderer] = []
 
@@ -74,7 +74,7 @@ def renderer(device: Any, terrain: Terrain) -> Iterator[Any]:
 def drawn(
     renderer: Any, viewers: Any = (VIEWER,), policy: str = "acuity", **options: Any
 ) -> tuple[dict[str, Image], Any]:
-    from limen.terrain import TerrainReport
+    from limen.layers.terrain.renderer import TerrainReport
 
     pictures, reports = {}, {}
     for name, picture, report in renderer.pictures(list(viewers), Policy.parse(policy), **options):
@@ -91,8 +91,8 @@ def wall_of(pictures: dict[str, Image]) -> Image:
 
 def test_the_land_stands_where_a_mesh_of_all_its_posts_stands(device: Any, renderer: Any, terrain: Terrain) -> None:
     """Against another way of drawing: every post a vertex, sorted to panels as meshes are."""
-    from limen.data.mesh import NO_TEXTURE, Mesh
-    from limen.scene import SceneRenderer
+    from limen.data.mesh.mesh import NO_TEXTURE, Mesh
+    from limen.layers.mesh.renderer import SceneRenderer
 
     pictures, report = drawn(renderer(), policy="full")
     columns, rows = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
@@ -170,7 +170,7 @@ def test_more_viewers_see_no_less(renderer: Any) -> None:
 
 def test_live_frames_never_wait_and_end_with_the_finished_picture(device: Any, renderer: Any) -> None:
     from limen.gpu.buffers import TextureReader
-    from limen.stream import FADE_S
+    from limen.stream.pages import FADE_S
 
     made = renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0))
     viewer = Viewer((0.0, 1.2, 0.0))
@@ -196,7 +196,7 @@ def test_live_frames_never_wait_and_end_with_the_finished_picture(device: Any, r
 
 
 def test_pages_fade_in_to_the_end_however_slow_frames_are(renderer: Any, terrain: Terrain) -> None:
-    from limen.terrain_stock import Wishes
+    from limen.layers.terrain.resources import Wishes
 
     stock = renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0))._stock
     none, pages = np.zeros(0, np.int64), np.arange(terrain.relief.pyramid.page_count)
@@ -211,9 +211,9 @@ def test_pages_fade_in_to_the_end_however_slow_frames_are(renderer: Any, terrain
 
 
 def test_a_drape_lies_north_up_over_the_land(renderer: Any, tmp_path: Path, terrain: Terrain) -> None:
-    from limen.data.drape import texel_from_post
-    from limen.draw.terrain_look import TerrainLook
-    from limen.terrain_stock import Draped
+    from limen.data.terrain.drape import texel_from_post
+    from limen.layers.terrain.look import TerrainLook
+    from limen.layers.terrain.resources import Draped
 
     picture = np.zeros((100, 200, 3), np.uint8)
     picture[:50, :, 0], picture[50:, :, 2] = 220, 220  # red in the north, blue in the south
@@ -239,9 +239,9 @@ def test_faint_pages_of_a_drape_are_left_out_and_stark_ones_drawn(
     renderer: Any, tmp_path: Path, terrain: Terrain
 ) -> None:
     """A drape half flat, half noise: with `contrast` only the noise is drawn from fine pages; a pointer wants all."""
-    from limen.data.drape import texel_from_post
-    from limen.draw.terrain_look import TerrainLook
-    from limen.terrain_stock import Draped
+    from limen.data.terrain.drape import texel_from_post
+    from limen.layers.terrain.look import TerrainLook
+    from limen.layers.terrain.resources import Draped
 
     picture = np.full((512, 1024, 3), 128, np.uint8)
     picture[:, 600:] = np.random.default_rng(5).choice([20, 230], size=(512, 424, 1))
@@ -267,7 +267,7 @@ def test_faint_pages_of_a_drape_are_left_out_and_stark_ones_drawn(
 def test_little_memory_draws_coarser_and_says_so(renderer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     # As if the land were larger: the least memory for pages is enough for all of its patches.
     for part in ("_VERTEX_BYTES", "_INDEX_BYTES"):
-        monkeypatch.setattr(f"limen.terrain_stock.{part}", 4 * getattr(terrain_stock, part))
+        monkeypatch.setattr(f"limen.layers.terrain.resources.{part}", 4 * getattr(terrain_stock, part))
     made = renderer(display=Display.named("desktop"), reference_m=(0.0, 1.2, 0.0), look_at=LookAt(), gpu_bytes=23 << 20)
     _, report = drawn(made, [Viewer((0.0, 1.2, 0.0))], "full")
     assert report.missing > 0

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import limen
 from limen.errors import InputError
-from limen.tolerance import STANDS, Policy, scheel_px, tolerance_of
+from limen.viewing.tolerance import STANDS, Policy, scheel_px, tolerance_of
 from limen.vision.acuity import acuity_from, acuity_level, optimal_distance_m
 from limen.vision.motion import motion_scale
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt, pack
-from limen.view import GUARD_PX, Windows, quilt_from_room
+from limen.viewing.projection import GUARD_PX, Windows, quilt_from_room
 
 CUBE = Display.preset("cube")
 CAVE = Display.preset("cave")

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from limen.data import open as open
-    from limen.data.image import Image as Image
-    from limen.data.mesh import Mesh as Mesh
-    from limen.data.points_file import Points as Points
-    from limen.data.terrain_file import Terrain as Terrain
+    from limen.data.image.file import Image as Image
+    from limen.data.mesh.mesh import Mesh as Mesh
+    from limen.data.points.file import Points as Points
+    from limen.data.terrain.file import Terrain as Terrain
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
-    from limen.lens import Lens as Lens
-    from limen.look_at import LookAt as LookAt
-    from limen.rendering import render as render
-    from limen.tessellation import Tessellation as Tessellation
-    from limen.tolerance import Tolerance as Tolerance
-    from limen.viewer import Pointer as Pointer
-    from limen.viewer import Viewer as Viewer
+    from limen.layers.terrain.look_at import LookAt as LookAt
+    from limen.show.rendering import render as render
+    from limen.viewing.lens import Lens as Lens
+    from limen.viewing.tessellation import Tessellation as Tessellation
+    from limen.viewing.tolerance import Tolerance as Tolerance
+    from limen.viewing.viewer import Pointer as Pointer
+    from limen.viewing.viewer import Viewer as Viewer
     from limen.vision.acuity import optimal_distance_m as optimal_distance_m
     from limen.vision.contrast import sensitivity as sensitivity
     from limen.vision.resolution import resolution_cpd as resolution_cpd
@@ -31,21 +31,21 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Display": "limen.display.display",
-    "Image": "limen.data.image",
-    "Lens": "limen.lens",
+    "Image": "limen.data.image.file",
+    "Lens": "limen.viewing.lens",
     "LimenError": "limen.errors",
-    "LookAt": "limen.look_at",
-    "Mesh": "limen.data.mesh",
+    "LookAt": "limen.layers.terrain.look_at",
+    "Mesh": "limen.data.mesh.mesh",
     "Panel": "limen.display.panel",
-    "Pointer": "limen.viewer",
-    "Points": "limen.data.points_file",
-    "Terrain": "limen.data.terrain_file",
-    "Tessellation": "limen.tessellation",
-    "Tolerance": "limen.tolerance",
-    "Viewer": "limen.viewer",
+    "Pointer": "limen.viewing.viewer",
+    "Points": "limen.data.points.file",
+    "Terrain": "limen.data.terrain.file",
+    "Tessellation": "limen.viewing.tessellation",
+    "Tolerance": "limen.viewing.tolerance",
+    "Viewer": "limen.viewing.viewer",
     "open": "limen.data",
     "optimal_distance_m": "limen.vision.acuity",
-    "render": "limen.rendering",
+    "render": "limen.show.rendering",
     "resolution_cpd": "limen.vision.resolution",
     "sensitivity": "limen.vision.contrast",
     "visible_cpd": "limen.vision.visible",

@@ -29,7 +29,7 @@ import numba
 import numpy as np
 from numba.core import caching
 
-from limen.machine import cache_folder
+from limen.system import cache_folder
 
 __all__ = ["compiled"]
 

@@ -18,9 +18,9 @@ from PIL import Image as Picture
 from limen.cli.app import main
 from limen.data import sample_image
 from limen.display.display import Display
-from limen.placement import OnSurface, texel_pointed_at
 from limen.study import demo
 from limen.track.walk import session_named
+from limen.viewing.placement import OnSurface, texel_pointed_at
 from processes import CHILD, LIMEN, finished, started
 
 

@@ -19,7 +19,7 @@ from PIL import Image as Picture
 import limen
 from limen.cli.app import main
 from limen.data import sample_image
-from limen.data.mesh_sample import sample_mesh
+from limen.data.samples.mesh import sample_mesh
 from limen.display.display import Display
 from processes import CHILD, LIMEN, finished, started
 
@@ -110,9 +110,9 @@ def test_frames_are_told_and_an_animation_moves(knot: Path, show: Show, how: str
 def test_the_eye_sees_the_mesh_as_if_the_display_were_not_there(knot: Path, show: Show, device: Any) -> None:
     from limen.display.panel import Panel
     from limen.geometry import as_vec3
-    from limen.live_scene import eye_camera
-    from limen.placement import mesh_in_room
-    from limen.track.stand import standing_viewer
+    from limen.show.live_scene import eye_camera
+    from limen.viewing.placement import mesh_in_room
+    from limen.viewing.standing import standing_viewer
 
     (frame,) = show(knot, "--display", "cube", "--scale", 0.3, "--simulate")
     seen = pictures(frame)

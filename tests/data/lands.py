@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
-from limen.data.terrain import Nodes, Patch, PatchTable
-from limen.data.tin_tree import build_tree, exact_patch
+from limen.data.terrain.model import Nodes, Patch, PatchTable
+from limen.data.terrain.tin_tree import build_tree, exact_patch
 from limen.errors import PageError
 
 

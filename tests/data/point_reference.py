@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from limen.data.point_nodes import (
+from limen.data.points.nodes import (
     CHUNK_LEVEL,
     FAN,
     LEVEL_BEGIN,

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.terrain import Patch
+from limen.data.terrain.model import Patch
 
 Post = tuple[int, int]
 Triangle = tuple[Post, Post, Post]

@@ -12,9 +12,11 @@ import tifffile
 from pictures import halved, light_of, noisy_picture, smooth_picture, write_tiff
 
 import limen.data
-from limen.data import bigtiff, build, partial
-from limen.data.kernels import HALO, halve_rows
-from limen.data.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
+from limen.data.image import bigtiff
+from limen.data.image import ingest as build
+from limen.data.image.halving_kernels import HALO, halve_rows
+from limen.data.store import atomic as partial
+from limen.data.store.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import FormatError, InputError, MissingFileError, StorageError
 
 

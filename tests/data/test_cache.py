@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from limen.data.cache import TileCache
+from limen.data.store.tile_cache import TileCache
 
 TILE = np.zeros((16, 16, 4), dtype=np.uint8)
 

@@ -6,8 +6,8 @@ import pytest
 
 from limen.data import cloud_info
 from limen.data import open as open_content
-from limen.data.cloud_file import Stretch, open_cloud, stretch_of
-from limen.data.cloud_type import cloud_type, is_points
+from limen.data.points.cloud import Stretch, open_cloud, stretch_of
+from limen.data.points.cloud_type import cloud_type, is_points
 from limen.errors import FormatError, MissingFileError
 
 CHANCE = np.random.default_rng(11)

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from pictures import codes_of, light_of, noisy_picture, smooth_picture
 
 import limen.data
-from limen.data import contrast
-from limen.data.contrast import CONTRAST_OF_BYTE, contrast_of_quarter, page_contrast
-from limen.data.contrast_file import byte_of_contrast
+from limen.data.image import contrast
+from limen.data.image.contrast import CONTRAST_OF_BYTE, contrast_of_quarter, page_contrast
+from limen.data.image.contrast_file import byte_of_contrast
 from limen.vision.contrast import sensitivity
 
 

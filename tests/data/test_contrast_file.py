@@ -16,9 +16,9 @@ from pictures import noisy_picture, smooth_picture, write_tiff
 from test_contrast import reference
 
 import limen.data
-from limen.data import contrast_file
-from limen.data.contrast import UNKNOWN, ContrastSurvey, page_contrast
-from limen.data.contrast_file import byte_of_contrast, read_contrast, sidecar_of
+from limen.data.image import contrast_file
+from limen.data.image.contrast import UNKNOWN, ContrastSurvey, page_contrast
+from limen.data.image.contrast_file import byte_of_contrast, read_contrast, sidecar_of
 from limen.errors import StorageError
 
 

@@ -9,9 +9,9 @@ from dems import UTM, hills, write_dem
 from hypothesis import given
 from hypothesis import strategies as st
 
-from limen.data.elevation import ElevationSource, Window
-from limen.data.elevation_type import is_elevation, is_terrain
-from limen.data.georeference import metres_a_degree
+from limen.data.terrain.elevation import ElevationSource, Window
+from limen.data.terrain.elevation_type import is_elevation, is_terrain
+from limen.data.terrain.georeference import metres_a_degree
 from limen.errors import FormatError, InputError
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.hilbert_kernels import (
+from limen.data.points.hilbert_kernels import (
     KEY_LEVELS,
     LATTICE_BITS,
     NUMBER_BITS,
@@ -15,7 +15,7 @@ from limen.data.hilbert_kernels import (
     numbered,
     sort_digit,
 )
-from limen.data.points_tree import hilbert_order
+from limen.data.points.tree import hilbert_order
 
 
 def keys_of(places, levels=KEY_LEVELS):

@@ -13,7 +13,7 @@ from pictures import codes_of, halved, light_of, noisy_picture, repeated, smooth
 from PIL import Image as Picture
 
 import limen.data
-from limen.data.tiles import scales_of
+from limen.data.image.tiles import scales_of
 from limen.errors import FormatError, InputError, MissingFileError, PageError
 
 LAYOUTS = {

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from limen.data.mesh import NO_TEXTURE, Mesh, smooth_normals, weld_numbers
+from limen.data.mesh.mesh import NO_TEXTURE, Mesh, smooth_normals, weld_numbers
 from limen.errors import FormatError
 
 

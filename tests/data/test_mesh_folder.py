@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import limen
-from limen import machine
-from limen.data import ingest_mesh, mesh_folder, sample_mesh
-from limen.data.mesh import Mesh
-from limen.data.mesh_folder import open_mesh_folder, tree_of
-from limen.data.tree_build import build_vertex_tree
+from limen import system as machine
+from limen.data import ingest_mesh, sample_mesh
+from limen.data.mesh import store as mesh_folder
+from limen.data.mesh.mesh import Mesh
+from limen.data.mesh.store import open_mesh_folder, tree_of
+from limen.data.mesh.tree_build import build_vertex_tree
 from limen.errors import FormatError, InputError, MissingFileError
 
 

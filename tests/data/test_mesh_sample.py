@@ -10,8 +10,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.mesh_file import open_mesh
-from limen.data.mesh_sample import KNOT_TRIANGLES, ripple, sample_mesh, torus_knot
+from limen.data.mesh.file import open_mesh
+from limen.data.samples.mesh import KNOT_TRIANGLES, ripple, sample_mesh, torus_knot
 from limen.errors import InputError
 
 

@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from point_reference import levels_of
 
-from limen.data import build_points, point_contrast
-from limen.data.point_light_kernels import BRIGHTER, DARKER, code_of
-from limen.vision.grades import code_of_luminances
+from limen.data import build_points
+from limen.data.points import contrast as point_contrast
+from limen.data.points.light_kernels import BRIGHTER, DARKER, code_of
+from limen.vision.contrast_codes import code_of_luminances
 from limen.vision.luminance import Photometry
 
 

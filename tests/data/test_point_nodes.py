@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from limen.data.point_nodes import (
+from limen.data.points.nodes import (
     ALL_AROUND,
     CHUNK_NODES,
     CHUNK_POINTS,

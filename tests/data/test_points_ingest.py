@@ -7,9 +7,11 @@ import pytest
 from point_reference import levels_of
 from test_cloud_file import PLACES, RGB, las, ply, vertices
 
-from limen.data import Points, build_points, ingest_points, open_points, point_buckets, points_opening
-from limen.data.hilbert_kernels import KEY_LEVELS, hilbert_keys
-from limen.data.points_tree import POINT
+from limen.data import Points, build_points, ingest_points, open_points
+from limen.data.points import buckets as point_buckets
+from limen.data.points import opening as points_opening
+from limen.data.points.hilbert_kernels import KEY_LEVELS, hilbert_keys
+from limen.data.points.tree import POINT
 from limen.errors import FormatError, InputError, MissingFileError, NeedsIngestError, PageError
 
 

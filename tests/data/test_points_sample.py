@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from limen.data import sample_points
-from limen.data.cloud_file import open_cloud
-from limen.data.points_sample import scanned_hall
+from limen.data.points.cloud import open_cloud
+from limen.data.samples.points import scanned_hall
 from limen.errors import InputError, MissingFileError
 
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from point_reference import levels_of, plain_radii
 
 from limen.data import build_points
-from limen.data.point_nodes import ALL_AROUND, CHUNK_NODES, FAN, LEVEL_BEGIN, unpacked_normal
-from limen.data.points_tree import Lattice, arranged, hilbert_order, pack_normals, pack_points
-from limen.data.resample import LINEAR_OF_SRGB
+from limen.data.points.nodes import ALL_AROUND, CHUNK_NODES, FAN, LEVEL_BEGIN, unpacked_normal
+from limen.data.points.tree import Lattice, arranged, hilbert_order, pack_normals, pack_points
+from limen.data.store.resample import LINEAR_OF_SRGB
 from limen.errors import InputError
 
 CLOUDS = {

@@ -7,7 +7,7 @@ import pytest
 
 import limen.data
 from limen.data.pages import PAGE
-from limen.data.sample import paint_rows, sample_size_px
+from limen.data.samples.image import paint_rows, sample_size_px
 from limen.errors import InputError
 
 

@@ -9,9 +9,9 @@ import pytest
 import pyvips
 
 import limen
-from limen.data.build import ingest
-from limen.data.image import open_image
-from limen.select.detail import KEPT, plain_detail
+from limen.data.image.file import open_image
+from limen.data.image.ingest import ingest
+from limen.layers.common.page_detail import KEPT, plain_detail
 
 
 def picture(kind: str) -> np.ndarray:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import rasterio
 
-from limen.data.elevation import ElevationSource
-from limen.data.elevation_type import is_elevation
-from limen.data.terrain_sample import SAMPLE_SPACING_M, sample_heights, sample_terrain
+from limen.data.samples.terrain import SAMPLE_SPACING_M, sample_heights, sample_terrain
+from limen.data.terrain.elevation import ElevationSource
+from limen.data.terrain.elevation_type import is_elevation
 from limen.errors import InputError, MissingFileError
 
 

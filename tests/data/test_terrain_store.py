@@ -8,10 +8,10 @@ import pytest
 from dems import UTM, hills, write_dem
 
 import limen.data
-from limen.data import terrain_build
-from limen.data.terrain_build import code_range_m, error_ladder_m, ingest_terrain
-from limen.data.terrain_file import Terrain
-from limen.data.terrain_kernels import halve_heights, halve_relief
+from limen.data.terrain import ingest as terrain_build
+from limen.data.terrain.file import Terrain
+from limen.data.terrain.ingest import code_range_m, error_ladder_m, ingest_terrain
+from limen.data.terrain.page_kernels import halve_heights, halve_relief
 from limen.errors import FormatError, InputError, MissingFileError, NeedsIngestError, PageError
 
 MOST = (1 << 24) - 1
@@ -364,7 +364,7 @@ def test_open_makes_a_terrain_once(tmp_path, monkeypatch):
     assert limen.data.open(first.path).size_posts == (300, 200)
     write_dem(path, hills(310, 200), **UTM)
     assert limen.data.open(path).size_posts == (310, 200)
-    monkeypatch.setattr("limen.data.terrain_opening.LARGEST_AT_ONCE_POSTS", 1000)
+    monkeypatch.setattr("limen.data.terrain.opening.LARGEST_AT_ONCE_POSTS", 1000)
     write_dem(path, hills(320, 200), **UTM)
     with pytest.raises(NeedsIngestError, match=r"320 x 200 posts take a while; .*limen ingest .*a\.tif .*a\.terrain"):
         limen.data.open(path)

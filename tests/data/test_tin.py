@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from limen.data.terrain import Patch
-from limen.data.tin import Tin, refine
+from limen.data.terrain.model import Patch
+from limen.data.terrain.tin import Tin, refine
 from limen.errors import InputError
 
 LADDER = [64.0, 24.0, 8.0, 3.0, 1.0]

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from test_mesh import mesh_of
 
-from limen.data import tree_build
-from limen.data.mesh import Mesh, smooth_normals
-from limen.data.resample import linear_of_srgb, srgb_of_linear
-from limen.data.tree_build import build_vertex_tree
-from limen.data.vertex_tree import VertexTree
+from limen.data.mesh import tree_build
+from limen.data.mesh.mesh import Mesh, smooth_normals
+from limen.data.mesh.tree_build import build_vertex_tree
+from limen.data.mesh.vertex_tree import VertexTree
+from limen.data.store.resample import linear_of_srgb, srgb_of_linear
 from limen.study.surfaces import distances, samples_of
-from limen.vision.grades import CONTRAST_OF_CODE, FULL_CODE
+from limen.vision.contrast_codes import CONTRAST_OF_CODE, FULL_CODE
 from limen.vision.luminance import Photometry
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.voids import CELL, REACH, complete, fill, pull
+from limen.data.terrain.voids import CELL, REACH, complete, fill, pull
 
 
 def filled(heights, valid):

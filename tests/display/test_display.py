@@ -15,7 +15,7 @@ import limen
 from limen.display import files
 from limen.display.panel import Panel
 from limen.errors import DisplayError, FormatError, InputError, MissingFileError
-from limen.placement import OnSurface
+from limen.viewing.placement import OnSurface
 
 GRID = 'name = "x"\n[[grid]]\nname = "a"\nsize_px = [256, 128]\ncentre_m = [0, 1, -2]\n'
 PANEL = "name = 'x'\n[[panel]]\nname = 'p'\nsize_px = [9, 9]\n"

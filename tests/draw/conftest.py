@@ -74,7 +74,7 @@ class Studio:
         self.pool.destroy()
 
     def stream(self, image: MemoryImage) -> Any:
-        from limen.stream import Stream
+        from limen.stream.pages import Stream
 
         return Stream(image, self.pool.slots)
 
@@ -101,8 +101,8 @@ class Studio:
     ) -> dict[str, NDArray[np.uint8]]:
         """The picture of every panel by its name."""
         from limen.display.quilt import pack, pieces
-        from limen.draw.image import ImageLayer, drawable_of
-        from limen.select.image import select, view_of
+        from limen.layers.image.draw import ImageLayer, drawable_of
+        from limen.layers.image.select import select, view_of
 
         view = view_of(display, image.pyramid, placement, detail)
         cut = select(view, tolerance, eye_m=eye_m, budget=budget)

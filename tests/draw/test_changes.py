@@ -11,14 +11,14 @@ from tests.draw.conftest import linear
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import pack
-from limen.draw import records
-from limen.draw.image import ImageLayer, drawable_of
-from limen.placement import OnShape, OnSurface
-from limen.select import image as selector
-from limen.select.detail import KEPT
-from limen.select.image import select, view_of
-from limen.tolerance import Policy, tolerance_of
-from limen.viewer import Viewer
+from limen.layers.common.page_detail import KEPT
+from limen.layers.image import select as selector
+from limen.layers.image import uniforms as records
+from limen.layers.image.draw import ImageLayer, drawable_of
+from limen.layers.image.select import select, view_of
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 from limen.vision.acuity import optimal_distance_m
 from limen.vision.contrast import sensitivity
 

@@ -12,7 +12,7 @@ from test_sort import DISPLAYS
 from limen.data import NO_TEXTURE, Mesh
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
-from limen.view import NEAR_M, Windows
+from limen.viewing.projection import NEAR_M, Windows
 
 pytestmark = pytest.mark.gpu
 
@@ -37,7 +37,7 @@ def mesh_of(positions: NDArray[Any], colours: NDArray[Any]) -> Mesh:
 
 def drawn(device: Any, display: Display, mesh: Mesh, depth: Any, eye: Any = EYE) -> Any:
     """(picture, depth, windows)"""
-    from limen.draw.scene import SceneLayer
+    from limen.layers.mesh.draw import SceneLayer
 
     (quilt,) = pack_outlines(display)
     windows = Windows(display, quilt)

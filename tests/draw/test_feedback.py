@@ -9,14 +9,14 @@ import pytest
 
 from limen.data.pages import Pyramid
 from limen.display.display import Display
-from limen.draw.feedback import Feedback
 from limen.errors import InputError
-from limen.lens import Lens
-from limen.placement import OnShape, OnSurface
-from limen.select.detail import reduced_detail
-from limen.select.image import select, view_of
-from limen.tolerance import Policy, tolerance_of
-from limen.viewer import Viewer
+from limen.layers.common.page_detail import reduced_detail
+from limen.layers.image.feedback import Feedback
+from limen.layers.image.select import select, view_of
+from limen.viewing.lens import Lens
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 pytestmark = pytest.mark.gpu
 

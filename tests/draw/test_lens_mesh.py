@@ -12,19 +12,19 @@ import pytest
 from tests.draw.test_lenses import LENSES, picture, wall, waves
 
 from limen.data.pages import Pyramid
-from limen.draw import lens_mesh
-from limen.frame import Renderer
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.lens import Lens, sharpest_bend, source_of
-from limen.placement import OnSurface
-from limen.select.image import view_of
-from limen.select.lens_cells import NOBODY
+from limen.layers.image import lens_mesh
+from limen.layers.image.lens_cells import NOBODY
+from limen.layers.image.renderer import Renderer
+from limen.layers.image.select import view_of
 from limen.study.bench_lens import measured
 from limen.study.blank import Blank
-from limen.tessellation import LENS_MODES, Tessellation
-from limen.tolerance import Policy, tolerance_of
-from limen.viewer import Viewer
+from limen.viewing.lens import Lens, sharpest_bend, source_of
+from limen.viewing.placement import OnSurface
+from limen.viewing.tessellation import LENS_MODES, Tessellation
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 pytestmark = pytest.mark.gpu
 
@@ -201,7 +201,7 @@ def test_the_overlay_shows_where_what_is_seen_does_not_belong(studio: Any, memor
 
 
 def test_rows_are_laid_out_as_the_shader_reads_them() -> None:
-    text = shader_text("limen.draw", "lens_mesh.wgsl")
+    text = shader_text("limen.layers.image", "lens_mesh.wgsl")
     plain = "\n".join(line for line in text.splitlines() if not line.strip().startswith("//"))
     assert wgsl_struct("LensCell", lens_mesh.LENS_CELL) in plain
     assert wgsl_struct("Corner", lens_mesh.CORNER) in plain

@@ -10,12 +10,12 @@ import pytest
 from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.frame import Renderer
-from limen.lens import Lens, source_of
-from limen.placement import OnSurface
-from limen.select.image import view_of
-from limen.tolerance import Policy, tolerance_of
-from limen.viewer import Viewer
+from limen.layers.image.renderer import Renderer
+from limen.layers.image.select import view_of
+from limen.viewing.lens import Lens, source_of
+from limen.viewing.placement import OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

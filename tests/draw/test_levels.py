@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
-from limen.data.resample import linear_of_srgb
+from limen.data.store.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.placement import OnShape, OnSurface
-from limen.select.detail import BLEND_LEVELS, KEPT, reduced_detail
-from limen.select.image import View, levels_at, shares_at, view_of
-from limen.tolerance import Policy, Tolerance, tolerance_of
-from limen.viewer import Viewer
+from limen.layers.common.page_detail import BLEND_LEVELS, KEPT, reduced_detail
+from limen.layers.image.select import View, levels_at, shares_at, view_of
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy, Tolerance, tolerance_of
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

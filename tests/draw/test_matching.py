@@ -15,24 +15,24 @@ from test_scene import plain, square
 from test_terrain import Stage, codes_of, hills, leaves
 from tests.clouds import ball
 
-from limen.camera import Camera
-from limen.data.point_nodes import CHUNK_NODES, LEVEL_BEGIN
-from limen.data.resample import linear_of_srgb
+from limen.data.points.nodes import CHUNK_NODES, LEVEL_BEGIN
+from limen.data.store.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt, pieces
-from limen.draw.matching import MATCHED, least_cosine, matched_rows
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.lens import Lens
-from limen.look_at import LookAt, room_from_posts
-from limen.placement import OnShape, OnSurface
-from limen.stream import Stream
-from limen.tessellation import Tessellation
-from limen.tolerance import Policy, tolerance_of
-from limen.view import Windows
-from limen.viewer import Viewer
+from limen.layers.common.matching import MATCHED, least_cosine, matched_rows
+from limen.layers.terrain.look_at import LookAt, room_from_posts
+from limen.stream.pages import Stream
+from limen.viewing.camera import Camera
+from limen.viewing.lens import Lens
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.projection import Windows
+from limen.viewing.tessellation import Tessellation
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -143,7 +143,7 @@ def terrain(tools: Tools, display: Display) -> Pictures:
 
 def mesh(tools: Tools, display: Display) -> Pictures:
     """A small square before a coloured background."""
-    from limen.draw.scene import SceneLayer
+    from limen.layers.mesh.draw import SceneLayer
 
     (quilt,) = pack_outlines(display)
     windows = Windows(display, quilt)
@@ -156,7 +156,7 @@ def mesh(tools: Tools, display: Display) -> Pictures:
 
 def points(tools: Tools, display: Display) -> Pictures:
     """A ball before a coloured background."""
-    from limen.draw.points import PointsLayer
+    from limen.layers.points.draw import PointsLayer
 
     (quilt,) = pack_outlines(display)
     windows = Windows(display, quilt)
@@ -216,7 +216,7 @@ def test_an_image_that_nobody_looks_at_has_its_gain_alone(tools: Tools) -> None:
 
 
 def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> None:
-    from limen.draw.scene import SceneLayer
+    from limen.layers.mesh.draw import SceneLayer
 
     eyes = EYE + np.array([[-0.05, 0.0, 0.0], [0.05, 0.0, 0.0]])
     pictures = {}
@@ -241,8 +241,8 @@ def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> N
 
 def test_a_simulated_display_shows_gain_once_and_falloff_as_the_viewer_gets_it(device: Any) -> None:
     """Seen from where it was drawn for, a white panel is evenly bright: gain times the light at its dimmest corner."""
-    from limen.draw.lit import LitDisplay
-    from limen.draw.scene import SceneLayer
+    from limen.layers.common.simulator import LitDisplay
+    from limen.layers.mesh.draw import SceneLayer
 
     (quilt,) = pack_outlines(MATCHED_PAIR)
     windows = Windows(MATCHED_PAIR, quilt)
@@ -282,7 +282,7 @@ def test_the_least_cosine_is_the_displays_whichever_panels_a_quilt_holds() -> No
 
 
 def test_the_struct_is_what_the_shader_says() -> None:
-    text = shader_text("limen.draw", "matching.wgsl")
+    text = shader_text("limen.layers.common", "matching.wgsl")
     begin = text.index("struct Matched {")
     body = [line for line in text[begin : text.index("}", begin) + 1].splitlines() if "//" not in line]
     assert body == wgsl_struct("Matched", MATCHED).splitlines()

@@ -10,13 +10,13 @@ import pytest
 
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
-from limen.draw.feedback import Feedback
-from limen.draw.image import ImageLayer, drawable_of
-from limen.draw.records import level_colours
 from limen.errors import InputError
-from limen.placement import OnShape, OnSurface
-from limen.select.image import select, view_of
-from limen.tolerance import Policy, tolerance_of
+from limen.layers.image.draw import ImageLayer, drawable_of
+from limen.layers.image.feedback import Feedback
+from limen.layers.image.select import select, view_of
+from limen.layers.image.uniforms import level_colours
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
 
 pytestmark = pytest.mark.gpu
 

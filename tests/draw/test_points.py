@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from tests.clouds import ball
 
-from limen.data.point_nodes import CHUNK_NODES, LEVEL_BEGIN
-from limen.data.points_build import build_points
+from limen.data.points.build import build_points
+from limen.data.points.nodes import CHUNK_NODES, LEVEL_BEGIN
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
-from limen.draw import points_records as records
-from limen.draw.points import METHODS, PointsLayer, Shape
-from limen.draw.views import PANEL_VIEW
 from limen.errors import InputError
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.view import Windows
+from limen.layers.common.panel_uniforms import PANEL_VIEW
+from limen.layers.points import uniforms as records
+from limen.layers.points.draw import METHODS, PointsLayer, Shape
+from limen.viewing.projection import Windows
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -91,7 +91,7 @@ def test_the_nearest_disc_that_a_pixel_sees_is_drawn(device: Any) -> None:
 
 
 def plain_picture(cloud: Any, views: Any, size: tuple[int, int], stands: Any) -> tuple[Any, Any]:
-    from limen.data.point_nodes import radius_of_code
+    from limen.data.points.nodes import radius_of_code
 
     nodes = cloud.read_chunk(0)[LEVEL_BEGIN[0] : LEVEL_BEGIN[0] + cloud.size]
     frame = cloud.frames
@@ -132,7 +132,7 @@ def test_a_point_of_no_size_has_a_pixel(device: Any) -> None:
 
 
 def test_structs_are_what_the_shaders_say() -> None:
-    texts = [shader_text("limen.draw", name) for name in ("points.wgsl", "points_wide.wgsl")]
+    texts = [shader_text("limen.layers.points", name) for name in ("points.wgsl", "points_wide.wgsl")]
     for name, dtype in (("Cloud", records.CLOUD), ("Rays", records.RAYS), ("Placed", records.PLACED)):
         fields = wgsl_struct(name, dtype).splitlines()
         for text in texts:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from limen.data.resample import linear_of_srgb
+from limen.data.store.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.placement import OnShape, OnSurface
 from limen.study.filters import magnified
-from limen.tolerance import Policy, tolerance_of
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
 
 pytestmark = pytest.mark.gpu
 

@@ -9,15 +9,15 @@ import pytest
 from numpy.typing import NDArray
 from test_sort import DISPLAYS
 
-from limen.data.mesh import NO_TEXTURE, Mesh, smooth_normals
-from limen.data.mesh_sample import torus_knot
+from limen.data.mesh.mesh import NO_TEXTURE, Mesh, smooth_normals
+from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt, pack, pieces
 from limen.errors import InputError
-from limen.view import GUARD_PX, Windows
-from limen.viewer import Viewer
+from limen.viewing.projection import GUARD_PX, Windows
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -67,7 +67,7 @@ def depth_in_outlines(display: Display, quilt: Quilt, rows: Any) -> NDArray[np.f
 
 def draw(device: Any, mesh: Mesh, display: Display, eyes: Any, *, clip: bool = True, **options: Any) -> Any:
     """The one quilt's pixels and depths."""
-    from limen.draw.scene import SceneLayer
+    from limen.layers.mesh.draw import SceneLayer
 
     quilt = quilt_of(display)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
@@ -88,7 +88,7 @@ def square(z: float, half: float = 1.0, colour: Any = (255, 255, 255, 255)) -> M
 
 def knot(display: Display, triangles: int = 20_000) -> Mesh:
     """A knot that fills the display, in room coordinates."""
-    from limen.placement import mesh_in_room
+    from limen.viewing.placement import mesh_in_room
 
     mesh = torus_knot(triangles)
     matrix = mesh_in_room(mesh.bounds, display)
@@ -180,7 +180,7 @@ def test_two_eyes_are_two_pictures(device: Any) -> None:
 
 
 def test_stereo_pictures(device: Any) -> None:
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     display = facing_panel((320, 240))
     mesh = torus_knot(4000)
@@ -249,7 +249,7 @@ def test_holes_of_a_texture_are_seen_through(device: Any) -> None:
 
 
 def test_a_mesh_moves_between_frames(device: Any) -> None:
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     display = facing_panel((320, 240))
     mesh = square(0.0, 0.05)
@@ -264,7 +264,7 @@ def test_a_mesh_moves_between_frames(device: Any) -> None:
 
 
 def test_turned_quilts_show_the_same_pictures(device: Any) -> None:
-    from limen.draw.scene import SceneLayer
+    from limen.layers.mesh.draw import SceneLayer
 
     display = facing_panel((320, 240))
     mesh = knot(display, 4000)
@@ -285,7 +285,7 @@ def test_turned_quilts_show_the_same_pictures(device: Any) -> None:
 
 def test_shared_depth_is_that_of_the_viewers_camera(device: Any) -> None:
     """Where two panels of the cube meet, the same place has the same depth on both, and it is near / z."""
-    from limen.view import NEAR_M
+    from limen.viewing.projection import NEAR_M
 
     display, eye = DISPLAYS["cube"]
     quilt = quilt_of(display)
@@ -316,7 +316,7 @@ def test_shared_depth_is_that_of_the_viewers_camera(device: Any) -> None:
 
 def square_of_view(eye: Any, target: Any, size_px: int, fov_deg: float) -> tuple[Display, Quilt]:
     """What a camera would see, as a display: one panel at right angles to the way it looks."""
-    from limen.camera import Camera
+    from limen.viewing.camera import Camera
 
     camera = Camera(tuple(eye), tuple(target), (size_px, size_px), fov_deg)
     pitch = 1 / camera.focal_px
@@ -338,9 +338,9 @@ def halved(image: NDArray[np.uint8], factor: int) -> NDArray[np.float64]:
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "cave"])
 def test_the_eye_sees_the_scene_as_if_the_display_were_not_there(device: Any, name: str) -> None:
     """Through the lit display against a picture drawn from the eye directly, inside panels and along their borders."""
-    from limen.camera import Camera
-    from limen.draw.lit import LitDisplay
-    from limen.draw.scene import SceneLayer
+    from limen.layers.common.simulator import LitDisplay
+    from limen.layers.mesh.draw import SceneLayer
+    from limen.viewing.camera import Camera
 
     display, eye = DISPLAYS[name]
     target = (-1.5, 1.5, -1.5) if name == "cave" else (0.0, 1.2, 0.0)
@@ -388,7 +388,7 @@ def test_panels_that_touch_in_a_mapping_do_not_draw_over_each_other(device: Any)
     """Two panels side by side without a gap: each shows what it shows alone."""
     from dataclasses import replace
 
-    from limen.scene import SceneRenderer
+    from limen.layers.mesh.renderer import SceneRenderer
 
     left = facing_panel((64, 48)).panels[0]
     right = replace(left, name="other", origin_m=(0.0, 0.24, 0.5), right=(0.6, 0.0, -0.8))

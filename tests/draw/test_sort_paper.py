@@ -14,10 +14,10 @@ from limen.data import torus_knot
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt, pack
-from limen.draw import views as rows
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.view import GUARD_PX, Windows
+from limen.layers.common import panel_uniforms as rows
+from limen.viewing.projection import GUARD_PX, Windows
 
 pytestmark = pytest.mark.gpu
 
@@ -26,7 +26,7 @@ PLACE = np.array([[0.4, 0, 0, 0], [0, 0.4, 0, 1.2], [0, 0, 0.4, 0], [0, 0, 0, 1.
 
 def found_pairs(device: Any, method: Any, display: Display, eyes: Any, mesh: Any, **options: Any) -> Any:
     """(pairs, views) of one quilt with all panels."""
-    from limen.draw.scene import METHODS
+    from limen.layers.mesh.draw import METHODS
 
     (quilt,) = pack(display, max_size_px=8192)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
@@ -45,7 +45,7 @@ def found_pairs(device: Any, method: Any, display: Display, eyes: Any, mesh: Any
     ("file", "frame"), [("sort_paper.wgsl", rows.PAPER_FRAME), ("sort_octree.wgsl", rows.OCTREE_FRAME)]
 )
 def test_the_shaders_have_the_dtypes_structs(file: str, frame: Any) -> None:
-    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.draw", file), flags=re.MULTILINE)
+    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.study.baselines", file), flags=re.MULTILINE)
     assert wgsl_struct("Frame", frame) in text
     assert wgsl_struct("PanelView", rows.PANEL_VIEW) in text
 
@@ -149,7 +149,7 @@ def lit_px(display: Display, quilt: Quilt) -> Any:
 @pytest.mark.parametrize("clip", [True, False])
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "stairs"])
 def test_all_ways_draw_the_same_picture(device: Any, name: str, clip: bool) -> None:
-    from limen.draw.scene import METHODS, SceneLayer
+    from limen.layers.mesh.draw import METHODS, SceneLayer
 
     display, eye = DISPLAYS[name]
     eyes = np.array(eye) + np.array([[0, 0, 0], [0.06, 0, 0]])

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from lands import GridLand, TinLand, fans, normals_of
 
-from limen.data.resample import linear_of_srgb, srgb_of_linear
+from limen.data.store.resample import linear_of_srgb, srgb_of_linear
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import pack
-from limen.draw.terrain_look import SEA, TerrainLook, hypsometric_ramp, panel_tints, toward_sun
-from limen.look_at import LookAt, room_from_posts
-from limen.patch_stream import PatchStream
-from limen.select.rims import RimPool
-from limen.stream import PageTable, Stream
-from limen.view import Windows
+from limen.layers.terrain.borders import RimPool
+from limen.layers.terrain.look import SEA, TerrainLook, hypsometric_ramp, panel_tints, toward_sun
+from limen.layers.terrain.look_at import LookAt, room_from_posts
+from limen.layers.terrain.stream import PatchStream
+from limen.stream.pages import PageTable, Stream
+from limen.viewing.projection import Windows
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -77,8 +77,8 @@ class Stage:
     """Everything between a terrain and its picture, waiting for all that is wanted."""
 
     def __init__(self, device: Any, land: GridLand, *, drape: Any = None, clip: bool = True) -> None:
-        from limen.draw.terrain import Drape, TerrainLayer
         from limen.gpu.pool import PagePool
+        from limen.layers.terrain.draw import Drape, TerrainLayer
 
         self.land, self.rims = land, RimPool()
         bytes_ = 45 * 512 * 512
@@ -105,7 +105,7 @@ class Stage:
         self.pages = self.tables()
 
     def tables(self) -> Any:
-        from limen.draw.terrain import PageTables
+        from limen.layers.terrain.draw import PageTables
 
         return PageTables(*(stream.table() for stream in self.streams))
 
@@ -133,7 +133,7 @@ class Stage:
         self, display: Display, room: Any, patches: Any, *, eyes: Any = EYE, joined: bool = True, **options: Any
     ) -> Any:
         """The one quilt's pixels, (H, W, 3)."""
-        from limen.draw.terrain import Rims
+        from limen.layers.terrain.draw import Rims
 
         eyes = np.reshape(eyes, (-1, 3))
         (quilt,) = pack(display) if len(display.panels) == 1 else pack_outlines(display)

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import limen.draw.terrain_records as records
-from limen.data.terrain import Nodes
+import limen.layers.terrain.uniforms as records
+from limen.data.terrain.model import Nodes
 from limen.display.display import Display
 from limen.display.mapping import quilt_outlines
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
-from limen.draw.terrain_look import TerrainLook, contour_interval_m, panel_tints, tint_range_m, toward_sun
 from limen.errors import InputError
 from limen.gpu.structs import wgsl_struct
-from limen.view import NEAR_M, Windows
+from limen.layers.terrain.look import TerrainLook, contour_interval_m, panel_tints, tint_range_m, toward_sun
+from limen.viewing.projection import NEAR_M, Windows
 
 SHADERS = [Path(records.__file__).parent / name for name in ("terrain.wgsl", "terrain_clip.wgsl")]
 STRUCTS = {"Terrain": records.TERRAIN, "TerrainView": records.TERRAIN_VIEW, "Source": records.SOURCE}

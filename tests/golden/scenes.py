@@ -26,26 +26,26 @@ import limen
 from clouds import ball
 from ground import write_dem
 from limen.data import sample_image
-from limen.data.mesh_sample import torus_knot
-from limen.data.points_file import Points
-from limen.data.terrain_build import ingest_terrain
-from limen.data.terrain_file import Terrain
-from limen.data.tree_build import build_vertex_tree
+from limen.data.mesh.tree_build import build_vertex_tree
+from limen.data.points.file import Points
+from limen.data.samples.mesh import torus_knot
+from limen.data.terrain.file import Terrain
+from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.draw.terrain_look import TerrainLook
-from limen.frame import Renderer
-from limen.lens import Lens
-from limen.look_at import LookAt
-from limen.placement import OnShape, OnSurface, mesh_in_room
-from limen.points import PointsRenderer
-from limen.scene import SceneRenderer, Simplified
-from limen.select.mesh import Foldable
-from limen.terrain import TerrainRenderer
-from limen.terrain_choice import TerrainSettings
-from limen.terrain_stock import Draped
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.layers.image.renderer import Renderer
+from limen.layers.mesh.renderer import SceneRenderer, Simplified
+from limen.layers.mesh.select import Foldable
+from limen.layers.points.renderer import PointsRenderer
+from limen.layers.terrain.look import TerrainLook
+from limen.layers.terrain.look_at import LookAt
+from limen.layers.terrain.renderer import TerrainRenderer
+from limen.layers.terrain.resources import Draped
+from limen.layers.terrain.selector import TerrainSettings
+from limen.viewing.lens import Lens
+from limen.viewing.placement import OnShape, OnSurface, mesh_in_room
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 HERE = Path(__file__).parent
 REPORTS = HERE / "reports.json"

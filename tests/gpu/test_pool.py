@@ -12,7 +12,7 @@ from limen.data.pages import GUTTER, PAGE
 from limen.errors import DeviceLimitError
 from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.pool import PAGE_SIDE, PagePool
-from limen.stream import Upload
+from limen.stream.pages import Upload
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from limen.draw import records
 from limen.gpu.shader import load_shader, shader_text
 from limen.gpu.structs import check_layout, wgsl_struct
+from limen.layers.image import uniforms as records
 
 STRUCTS = {"Frame": records.FRAME, "Panel": records.PANEL, "PageQuad": records.PAGE_QUAD, "Level": records.LEVEL}
 
 
 @pytest.mark.parametrize("name", STRUCTS)
 def test_the_shader_has_the_dtypes_struct(name: str) -> None:
-    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.draw", "image.wgsl"), flags=re.MULTILINE)
+    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.layers.image", "image.wgsl"), flags=re.MULTILINE)
     assert wgsl_struct(name, STRUCTS[name]) in text
 
 
@@ -82,4 +82,4 @@ def test_the_gpu_reads_fields_where_numpy_puts_them(name: str, device: Any, tmp_
 
 @pytest.mark.gpu
 def test_a_shader_is_loaded_from_beside_its_module(device: Any) -> None:
-    assert load_shader(device, "limen.draw", "image.wgsl").label == "image.wgsl"
+    assert load_shader(device, "limen.layers.image", "image.wgsl").label == "image.wgsl"

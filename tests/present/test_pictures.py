@@ -10,8 +10,8 @@ import pytest
 import limen
 from limen.display.packing import lit_fill, pack_outlines
 from limen.display.panel import Panel
-from limen.present.quilts import draw_quilts
-from limen.present.room import Camera, draw_room
+from limen.pictures.quilts import draw_quilts
+from limen.pictures.room import Camera, draw_room
 
 SIZE = (400, 300)
 RED, GREEN = (250, 20, 20), (20, 250, 20)

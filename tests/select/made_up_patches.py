@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.terrain import Patch
+from limen.data.terrain.model import Patch
 
 Rect = tuple[int, int, int, int]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from limen.data.terrain import Nodes, PatchTable, metric_from_posts
+from limen.data.terrain.model import Nodes, PatchTable, metric_from_posts
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import pack
 from limen.geometry import Floats
-from limen.view import PanelViews, Windows
+from limen.viewing.projection import PanelViews, Windows
 
 LEAF, BLOCK = 32, 256
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import limen
 from limen.data.pages import Pyramid
-from limen.select.detail import (
+from limen.layers.common.page_detail import (
     BLEND_LEVELS,
     KEPT,
     contrast_detail,

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import limen
 from limen.data.pages import Pyramid
 from limen.errors import InputError
-from limen.placement import OnShape, OnSurface
-from limen.select.detail import BLEND_LEVELS, KEPT
-from limen.select.image import select, view_of
-from limen.tolerance import Policy, tolerance_of
+from limen.layers.common.page_detail import BLEND_LEVELS, KEPT
+from limen.layers.image.select import select, view_of
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
 
 
 def small_room(pitch_mm=4.0, columns=3):

@@ -8,10 +8,10 @@ from tests.select.test_image import pages_drawn, pixels, small_room
 
 import limen
 from limen.data.pages import Pyramid
-from limen.lens import Lens, jacobian_of, source_of
-from limen.placement import OnSurface
-from limen.select.image import flat_pairs, select, view_of
-from limen.tolerance import Policy, tolerance_of
+from limen.layers.image.select import flat_pairs, select, view_of
+from limen.viewing.lens import Lens, jacobian_of, source_of
+from limen.viewing.placement import OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
 
 PYRAMID = Pyramid.of((60_000, 24_000))
 LENSES = {

@@ -10,21 +10,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.mesh import NO_TEXTURE, Mesh, smooth_normals
-from limen.data.mesh_sample import torus_knot
-from limen.data.tree_build import build_vertex_tree
-from limen.data.tree_node_kernels import add_up, cell_of
+from limen.data.mesh.mesh import NO_TEXTURE, Mesh, smooth_normals
+from limen.data.mesh.node_kernels import add_up, cell_of
+from limen.data.mesh.tree_build import build_vertex_tree
+from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.select.bend_kernels import MOMENTS, ripples, star_moments
-from limen.select.facing import SPREAD_SINES, facing_masks
-from limen.select.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
-from limen.select.mesh import Foldable, FoldSight, select_mesh
-from limen.select.openings import openings_of
-from limen.select.shares import shares_of_codes
-from limen.tolerance import Policy, tolerance_of
-from limen.view import Windows
-from limen.viewer import Viewer
+from limen.layers.common.contrast_scale import shares_of_codes
+from limen.layers.mesh.bend_kernels import MOMENTS, ripples, star_moments
+from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
+from limen.layers.mesh.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
+from limen.layers.mesh.holes import openings_of
+from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
+from limen.viewing.projection import Windows
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 
 def ball(rings: int = 40, *, bumps: float = 0.02) -> Mesh:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.select.panes import eye_rows
-from limen.select.point_kernels import _least_allowed_m
-from limen.tolerance import Tolerance
+from limen.layers.common.budget import eye_rows
+from limen.layers.points.kernels import _least_allowed_m
+from limen.viewing.tolerance import Tolerance
 
 
 def tolerances(seed: int, *, moves: bool, gazes: bool) -> Tolerance:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.clouds import ball
 
-from limen.data.point_nodes import (
+from limen.data.points.nodes import (
     ALL_AROUND,
     CHUNK_LEVEL,
     CHUNK_NODES,
@@ -23,11 +23,11 @@ from limen.data.point_nodes import (
 )
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.select.points import TOP_ITEM, PointTree, Resident, Sight, select_points
-from limen.select.shares import shares_of_codes
-from limen.tolerance import Policy, tolerance_of
-from limen.view import PanelViews, Windows
-from limen.viewer import Viewer
+from limen.layers.common.contrast_scale import shares_of_codes
+from limen.layers.points.select import TOP_ITEM, PointTree, Resident, Sight, select_points
+from limen.viewing.projection import PanelViews, Windows
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 CLOUD = ball()
 TREE = PointTree.of(CLOUD)

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up_patches import Rect, made_up_patch, twice_area, uneven_tiling
 
-from limen.data.terrain import Patch
+from limen.data.terrain.model import Patch
 from limen.errors import InputError
-from limen.select.rims import RimPool
+from limen.layers.terrain.borders import RimPool
 
 SEEDS = st.integers(0, 100_000)
 

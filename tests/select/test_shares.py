@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from limen.select.shares import shares_of_codes
-from limen.vision.grades import CONTRAST_OF_CODE, FULL_CODE
+from limen.layers.common.contrast_scale import shares_of_codes
+from limen.vision.contrast_codes import CONTRAST_OF_CODE, FULL_CODE
 from limen.vision.resolution import resolution_cpd
 from limen.vision.visible import visible_cpd
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from limen.display.panel import Panel
 from limen.geometry import Floats
-from limen.select.sight import MOST_SLACK_DEG, angle_deg, least_tolerance_m, nearest_m, smallest_angle_deg
+from limen.viewing.panel_distance import MOST_SLACK_DEG, angle_deg, least_tolerance_m, nearest_m, smallest_angle_deg
 from limen.vision.acuity import eccentricity_scale
 
 SIDES = 48  # samples along each side of a triangle of an outline

@@ -10,12 +10,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from made_up_terrain import Scene, made_up_scene, made_up_terrain
 
-from limen.data.terrain import Nodes, PatchTable
+from limen.data.terrain.model import Nodes, PatchTable
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.select import terrain_kernels as kernels
-from limen.select.terrain import Mode, TerrainCut, select_terrain
-from limen.select.terrain_forms import terrain_forms
+from limen.layers.terrain import kernels
+from limen.layers.terrain.forms import terrain_forms
+from limen.layers.terrain.select import Mode, TerrainCut, select_terrain
 
 SEEDS = st.integers(0, 10_000)
 ALLOWED = st.lists(st.floats(0.5, 300), min_size=2, max_size=2).map(np.array)

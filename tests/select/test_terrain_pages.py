@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from made_up_terrain import Scene, made_up_scene, made_up_terrain
 
 from limen.data.pages import PAGE, Pyramid
-from limen.data.terrain import Nodes
+from limen.data.terrain.model import Nodes
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.select import terrain_kernels as kernels
-from limen.select.detail import KEPT, plain_detail, reduced_detail
-from limen.select.terrain import select_terrain
-from limen.select.terrain_forms import TerrainForms, terrain_forms
-from limen.select.terrain_pages import Faint, pages_for_terrain, texel_tolerance_px
+from limen.layers.common.page_detail import KEPT, plain_detail, reduced_detail
+from limen.layers.terrain import kernels
+from limen.layers.terrain.forms import TerrainForms, terrain_forms
+from limen.layers.terrain.pages import Faint, pages_for_terrain, texel_tolerance_px
+from limen.layers.terrain.select import select_terrain
 
 SEEDS = st.integers(0, 10_000)
 COLUMNS, ROWS = 512 * 4, 256 * 4

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from limen.errors import InputError
-from limen.select.throttle import Throttle
-from limen.tolerance import Policy
+from limen.layers.common.frame_time import Throttle
+from limen.viewing.tolerance import Policy
 
 
 def run(

@@ -12,8 +12,7 @@ from limen.display.grid import Grid, panels_of_grid
 from limen.display.panel import Panel
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.select.sight import angle_deg
-from limen.select.visibility import (
+from limen.viewing.panel_demands import (
     FIELD_DEG,
     FOCUS,
     FULL_ERROR_PX,
@@ -25,8 +24,9 @@ from limen.select.visibility import (
     PanelDemands,
     panel_demands,
 )
-from limen.tolerance import Policy, scheel_px, tolerance_of
-from limen.viewer import Pointer, Viewer
+from limen.viewing.panel_distance import angle_deg
+from limen.viewing.tolerance import Policy, scheel_px, tolerance_of
+from limen.viewing.viewer import Pointer, Viewer
 
 WALL = Display.preset("rostock")
 ROOM = Display.preset("cave")

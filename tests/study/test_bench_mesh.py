@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from limen.data.mesh_file import open_mesh
-from limen.data.mesh_sample import sample_mesh, torus_knot
-from limen.data.tree_build import build_vertex_tree
-from limen.select.mesh import Foldable
+from limen.data.mesh.file import open_mesh
+from limen.data.mesh.tree_build import build_vertex_tree
+from limen.data.samples.mesh import sample_mesh, torus_knot
+from limen.layers.mesh.select import Foldable
 from limen.study import bench_mesh as bench
 from limen.study import mesh_peers
 from limen.study.mesh_plot import mesh_picture

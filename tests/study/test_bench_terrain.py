@@ -10,7 +10,7 @@ import terrains
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.tin import refine
+from limen.data.terrain.tin import refine
 from limen.errors import InputError
 from limen.study import terrain_peers
 from limen.study.bench_terrain import TerrainRow, aims, ladder_m, triangle_rows

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.resample import HALVING_TAPS, linear_of_srgb, srgb_of_linear, weights
+from limen.data.store.resample import HALVING_TAPS, linear_of_srgb, srgb_of_linear, weights
 from limen.errors import InputError
 from limen.study.charts import CHARTS, chart
 from limen.study.filters import FILTERS, filter_named, magnified, matrix, resampled

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from limen.data.pages import Pyramid
 from limen.display.display import Display
-from limen.placement import OnSurface
-from limen.select.image import view_of
+from limen.layers.image.select import view_of
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import one_to_one_view
-from limen.tolerance import Policy, Tolerance, tolerance_of
 from limen.units import arcmin_to_rad
-from limen.viewer import Viewer
+from limen.viewing.placement import OnSurface
+from limen.viewing.tolerance import Policy, Tolerance, tolerance_of
+from limen.viewing.viewer import Viewer
 
 WINDOW = Display.window((1600, 1000), 0.0005)
 DECK = one_to_one_view(Display.preset("reality-deck"))

@@ -14,10 +14,11 @@ import pytest
 import rasterio
 import terrains
 
-from limen.data.elevation import Window
-from limen.data.terrain_file import Terrain
+from limen.data.terrain.elevation import Window
+from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.errors import InputError
+from limen.layers.terrain.renderer import TerrainRenderer
 from limen.study import bench_terrain as bench
 from limen.study import terrain_frames
 from limen.study.bench_terrain import TerrainRow
@@ -35,8 +36,7 @@ from limen.study.terrain_frames import (
 from limen.study.terrain_peers import INSTALL, missing_package
 from limen.study.terrain_source import Content, parse_crop, posts_of, prepared, write_crop
 from limen.study.terrain_table import PAPER, table2_rows
-from limen.terrain import TerrainRenderer
-from limen.tolerance import Policy
+from limen.viewing.tolerance import Policy
 
 SPACING_M = 30.0
 ACUITY = Policy("acuity")

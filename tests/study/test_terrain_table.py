@@ -8,9 +8,9 @@ import pytest
 
 from limen.display.display import Display
 from limen.display.grid import Grid, panels_of_grid
-from limen.select.visibility import panel_demands
 from limen.study.terrain_table import PAPER, at_wall_centre, on_column_centre, table2_rows
-from limen.tolerance import Policy
+from limen.viewing.panel_demands import panel_demands
+from limen.viewing.tolerance import Policy
 
 WALL = Display.preset("rostock")
 ROWS = table2_rows(WALL)

@@ -10,15 +10,15 @@ from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.display.grid import Grid, panels_of_grid
 from limen.errors import InputError
-from limen.placement import OnShape, OnSurface
-from limen.select.detail import BLEND_LEVELS, KEPT
-from limen.select.image import View, select, view_of
+from limen.layers.common.page_detail import BLEND_LEVELS, KEPT
+from limen.layers.image.select import View, select, view_of
 from limen.study import traffic
 from limen.study.traffic import Report, count_traffic, one_to_one_view, policies_of
-from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Session
 from limen.track.walk import session_named
-from limen.viewer import Viewer
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 
 def small_room() -> Display:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from limen.data.terrain_build import ingest_terrain
-from limen.data.terrain_file import Terrain
-from limen.data.tin_tree import Block
+from limen.data.terrain.file import Terrain
+from limen.data.terrain.ingest import ingest_terrain
+from limen.data.terrain.tin_tree import Block
 from limen.study.terrain_peers import PEERS
 from limen.study.terrain_source import parse_crop, posts_of, write_crop
 from limen.study.triangulations import build_blocks, cut_at, drawn, patches_at, true_error_m

@@ -11,20 +11,20 @@ import pytest
 from msgspec.structs import replace
 from PIL import Image as Picture
 
-from limen.data.image import Image, open_image
+from limen.data.image.file import Image, open_image
 from limen.display.display import Display
 from limen.errors import InputError, PageError
-from limen.frame import Renderer
-from limen.placement import OnSurface
-from limen.select.image import view_of
+from limen.layers.image.renderer import Renderer
+from limen.layers.image.select import view_of
 from limen.study.charts import chart
 from limen.study.observer import Observer, Verdict
 from limen.study.verdict_plot import verdict_picture
 from limen.study.verify import Judged, Trial, imperceptible, judge_windows, rows_of, trials_of
 from limen.study.windows import Window, choose_windows
-from limen.tolerance import Policy
 from limen.track.session import Session
-from limen.viewer import Viewer
+from limen.viewing.placement import OnSurface
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 ONE_TO_ONE = OnSurface("one-to-one")
 PITCH_M = 0.0002335

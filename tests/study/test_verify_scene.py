@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from tests.clouds import ball
 
-from limen.data.mesh_sample import torus_knot
+from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.study.verify import rows_of, trials_of
 from limen.study.verify_scene import judge_views, monitor, random_poses, subject_of
-from limen.tolerance import Policy
+from limen.viewing.tolerance import Policy
 
 
 def test_the_monitor_is_the_papers() -> None:

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from limen.data.pages import Pyramid
 from limen.display.display import Display, Rect
 from limen.errors import InputError
-from limen.placement import OnShape, OnSurface
-from limen.select.image import View, view_of
+from limen.layers.image.select import View, view_of
 from limen.study.observer import LEAST_WINDOW_PX, SAMPLES_PER_DEGREE, WINDOW_PX
 from limen.study.windows import Window, choose_windows, cut_display
 from limen.track.session import Session
 from limen.track.walk import make_walk
-from limen.viewer import Viewer
+from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.viewer import Viewer
 
 
 @pytest.fixture(scope="module")

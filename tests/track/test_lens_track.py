@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from limen.errors import FormatError, MissingFileError
-from limen.lens import Lens
 from limen.track.lens_track import LensTrack, lenses_at, read_lens_tracks
+from limen.viewing.lens import Lens
 
 STYLE = Lens((0.0, 0.0), 1.0, 1.0, 0.3, "quadratic")
 HEAD = "time_s,x_px,y_px,radius_px,magnification"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from limen.errors import SessionError
 from limen.track.session import Session, Track
-from limen.viewer import Viewer
+from limen.viewing.viewer import Viewer
 
 
 def track(viewer: str = "v1", times: tuple[float, ...] = (0.0, 1.0, 2.0), **changes: object) -> Track:

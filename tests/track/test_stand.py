@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from limen.display.display import Display
-from limen.track.stand import standing_viewer
+from limen.viewing.standing import standing_viewer
 
 
 @pytest.mark.parametrize(

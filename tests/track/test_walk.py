@@ -9,13 +9,13 @@ from limen.display.display import Display
 from limen.display.files import preset_names
 from limen.display.grid import Grid, panels_of_grid
 from limen.errors import InputError, MissingFileError
-from limen.select.visibility import panel_demands
-from limen.tolerance import Policy
 from limen.track.replay import session_text, write_session
 from limen.track.room import BODY_M, room_of
 from limen.track.session import Session
 from limen.track.walk import SESSIONS, SPEED_M_PER_S, heat_map, hotspots, make_walk, plan_of, session_named
-from limen.viewer import Viewer
+from limen.viewing.panel_demands import panel_demands
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 
 def display_of(*grids: Grid) -> Display:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import limen
 from limen.errors import InputError
-from limen.vision import castle
+from limen.vision import castle_csf as castle
 from limen.vision.contrast import D65_LMS, cone_sensitivity
 
 # Published in the authors' code: gain, its half luminance and power; peak, bandwidth; A0, f0; k0, k1 nasal and

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from limen.errors import InputError
-from limen.vision.grades import CONTRAST_OF_CODE, FULL_CODE, code_of_contrast, code_of_luminances
+from limen.vision.contrast_codes import CONTRAST_OF_CODE, FULL_CODE, code_of_contrast, code_of_luminances
 
 
 @given(st.floats(0, 1))

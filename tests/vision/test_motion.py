@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from limen.vision.castle import log_sensitivity
+from limen.vision.castle_csf import log_sensitivity
 from limen.vision.motion import MOST_DEG_S, motion_scale, retinal_velocity_deg_s
 
 speeds = st.floats(0, 500)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import limen
-from limen.vision.castle import FREQUENCY_CPD, LUMINANCE_CD_M2
+from limen.vision.castle_csf import FREQUENCY_CPD, LUMINANCE_CD_M2
 from limen.vision.tables import SIDE, sensitivity_tables
 
 # Appended to sensitivity.wgsl, as a shader that uses it would be.

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import limen
 from limen.errors import InputError
 from limen.vision.acuity import HUMAN_ARCMIN, human_arcmin, optimal_distance_m
-from limen.vision.castle import log_sensitivity
+from limen.vision.castle_csf import log_sensitivity
 from limen.vision.resolution import luminance_scale
 from limen.vision.visible import visible_cpd, visible_distance_m
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from limen.calibrate.boards import dictionary
 from limen.calibrate.edges import refine
 from limen.calibrate.opencv import load
-from limen.data.resample import LINEAR_OF_SRGB
+from limen.data.store.resample import LINEAR_OF_SRGB
 from limen.errors import FormatError, InputError, MissingFileError
 from limen.geometry import Floats
 

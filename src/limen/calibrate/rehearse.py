@@ -20,7 +20,7 @@ from limen.calibrate.synthetic import Photographer
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.present.file import write_picture
+from limen.pictures.files import write_picture
 
 __all__ = ["PanelError", "Rehearsal", "displaced", "errors_of", "looking", "phone", "places", "rehearse"]
 

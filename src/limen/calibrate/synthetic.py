@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from limen.calibrate.camera import Intrinsics
 from limen.calibrate.opencv import load
-from limen.data.resample import LINEAR_OF_SRGB, srgb_of_linear
+from limen.data.store.resample import LINEAR_OF_SRGB, srgb_of_linear
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.geometry import Floats

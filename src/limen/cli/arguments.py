@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Vec3, as_vec3
-from limen.placement import Fit
-from limen.tolerance import ignores_acuity
+from limen.viewing.placement import Fit
+from limen.viewing.tolerance import ignores_acuity
 
 __all__ = [
     "AcuityOption",

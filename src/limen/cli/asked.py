@@ -14,11 +14,11 @@ from limen.cli.output import Output
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import as_vec3
-from limen.track.stand import standing_viewer
-from limen.viewer import Pointer, Viewer, nobody_points
+from limen.viewing.standing import standing_viewer
+from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
 if TYPE_CHECKING:
-    from limen.live import Tour
+    from limen.show.live import Tour
     from limen.track.session import Session
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]

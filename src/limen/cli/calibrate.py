@@ -18,10 +18,10 @@ from limen.calibrate.rehearse import Rehearsal, rehearse
 from limen.calibrate.solve import Calibration, PanelFit, PhotoFit, calibrate
 from limen.cli.arguments import DisplayOption, PanelsOption, chosen_panels
 from limen.cli.output import DEFAULT, Common, Output
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
 from limen.errors import InputError, MissingFileError
-from limen.present.file import check_picture_name, write_picture
+from limen.pictures.files import check_picture_name, write_picture
 
 __all__ = ["app"]
 

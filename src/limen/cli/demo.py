@@ -11,9 +11,9 @@ from cyclopts import Parameter
 from limen.cli.arguments import FitOption
 from limen.cli.output import DEFAULT, Common, Output
 from limen.cli.traffic import print_traffic
-from limen.placement import OnSurface
 from limen.study.demo import run_demo
 from limen.study.traffic import Traffic
+from limen.viewing.placement import OnSurface
 
 __all__ = ["demo"]
 

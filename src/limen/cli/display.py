@@ -9,14 +9,14 @@ import msgspec
 from cyclopts import Parameter
 
 from limen.cli.output import DEFAULT, Common, Output
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
 from limen.display.packing import lit_fill, pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
-from limen.present.file import write_picture
-from limen.present.quilts import draw_quilts
-from limen.present.room import draw_room
+from limen.pictures.files import write_picture
+from limen.pictures.quilts import draw_quilts
+from limen.pictures.room import draw_room
 from limen.vision.acuity import HUMAN_ARCMIN, SNELLEN_ARCMIN, optimal_distance_m
 
 __all__ = ["display"]

@@ -16,10 +16,10 @@ from cyclopts import Parameter
 from limen.errors import InputError
 
 if TYPE_CHECKING:
-    from limen.data.image import Image
-    from limen.data.mesh import Mesh
-    from limen.data.points_file import Points
-    from limen.data.terrain_file import Terrain
+    from limen.data.image.file import Image
+    from limen.data.mesh.mesh import Mesh
+    from limen.data.points.file import Points
+    from limen.data.terrain.file import Terrain
 
 __all__ = [
     "KINDS",
@@ -193,8 +193,8 @@ def _typed(name: str, hint: Any) -> str:
 
 def kind_of(content: Image | Mesh | Points | Terrain) -> Kind:
     """What an opened file is, by the word that tables here have for it."""
-    from limen.data.image import Image
-    from limen.data.mesh import Mesh
+    from limen.data.image.file import Image
+    from limen.data.mesh.mesh import Mesh
 
     if isinstance(content, Image | Mesh):
         return "image" if isinstance(content, Image) else "mesh"

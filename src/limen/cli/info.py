@@ -8,8 +8,8 @@ import limen.data
 from limen.cli.info_points import tell_points
 from limen.cli.info_terrain import tell_terrain
 from limen.cli.output import DEFAULT, Common, Output
-from limen.data.cloud_type import is_points
-from limen.data.elevation_type import is_terrain
+from limen.data.points.cloud_type import is_points
+from limen.data.terrain.elevation_type import is_terrain
 
 __all__ = ["info"]
 

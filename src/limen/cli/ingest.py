@@ -7,9 +7,9 @@ from pathlib import Path
 import limen.data
 from limen.cli.heard import given_options
 from limen.cli.output import DEFAULT, Common, Output
-from limen.data.cloud_type import is_points
-from limen.data.elevation_type import is_terrain
-from limen.data.mesh_type import is_mesh
+from limen.data.mesh.mesh_type import is_mesh
+from limen.data.points.cloud_type import is_points
+from limen.data.terrain.elevation_type import is_terrain
 from limen.errors import InputError
 
 __all__ = ["ingest"]

@@ -16,7 +16,7 @@ from limen.cli.options.points import POINTS_DEFAULT, PointsOptions
 from limen.cli.options.terrain import TERRAIN_DEFAULT, TerrainOptions
 from limen.cli.output import DEFAULT, Common, Output
 from limen.display.display import Display
-from limen.placement import Fit
+from limen.viewing.placement import Fit
 
 __all__ = ["show"]
 

@@ -20,25 +20,25 @@ from limen.cli.show_live import say_who, show_live
 from limen.cli.show_mesh import check_quilts, mesh_row, print_mesh_rows, simplified_mesh, write_mesh_frames
 from limen.cli.show_points import show_points
 from limen.cli.show_terrain import opened_content, print_terrain_rows, terrain_row, write_terrain_frames
-from limen.data.image import Image
-from limen.data.mesh import Mesh
-from limen.draw.image import Overlay
-from limen.draw.scene import SceneOverlay
-from limen.draw.terrain import TerrainOverlay
+from limen.data.image.file import Image
+from limen.data.mesh.mesh import Mesh
 from limen.errors import InputError
-from limen.live import LiveSettings, run_live
-from limen.placement import Fit, OnSurface
-from limen.scene import SceneReport, Simplified
-from limen.stage import MeshExhibit
-from limen.terrain import TerrainReport
-from limen.terrain_stage import TerrainExhibit
-from limen.terrain_stock import Draped
-from limen.tolerance import Policy, tolerance_of
-from limen.track.stand import standing_viewer
+from limen.layers.image.draw import Overlay
+from limen.layers.mesh.draw import SceneOverlay
+from limen.layers.mesh.renderer import SceneReport, Simplified
+from limen.layers.terrain.draw import TerrainOverlay
+from limen.layers.terrain.renderer import TerrainReport
+from limen.layers.terrain.resources import Draped
+from limen.show.live import LiveSettings, run_live
+from limen.show.stage import MeshExhibit
+from limen.show.terrain_stage import TerrainExhibit
+from limen.viewing.placement import Fit, OnSurface
+from limen.viewing.standing import standing_viewer
+from limen.viewing.tolerance import Policy, tolerance_of
 
 if TYPE_CHECKING:
-    from limen.data.points_file import Points
-    from limen.data.terrain_file import Terrain
+    from limen.data.points.file import Points
+    from limen.data.terrain.file import Terrain
 
 __all__ = ["Wishes", "show_content"]
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import msgspec
 
 from limen.cli.output import Output
-from limen.data.image import Image
+from limen.data.image.file import Image
 from limen.display.display import Display
-from limen.draw.image import Overlay
-from limen.frame import FrameReport, LensMoves, Renderer
 from limen.gpu.device import open_device
-from limen.placement import OnSurface
-from limen.present.file import thumbnail, write_picture
-from limen.present.room import draw_room, draw_surface
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.layers.image.draw import Overlay
+from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
+from limen.pictures.files import thumbnail, write_picture
+from limen.pictures.room import draw_room, draw_surface
+from limen.viewing.placement import OnSurface
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 __all__ = ["FrameRow", "image_row", "print_image_rows", "write_image_frames"]
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from limen.cli.asked import Asked
 from limen.cli.output import Output
-from limen.live_outputs import run_live_outputs
-from limen.live_scene import run_live_scene
-from limen.stage import Exhibit, MeshExhibit
-from limen.viewer import Viewer
+from limen.show.live_outputs import run_live_outputs
+from limen.show.live_scene import run_live_scene
+from limen.show.stage import Exhibit, MeshExhibit
+from limen.viewing.viewer import Viewer
 
 __all__ = ["say_who", "show_live"]
 

@@ -9,25 +9,25 @@ from pathlib import Path
 
 import numpy as np
 
-from limen.camera import Camera
 from limen.cli.arguments import place
 from limen.cli.options.mesh import MeshOptions, Write
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
-from limen.data.mesh import Mesh
+from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
-from limen.draw.scene import SceneOverlay
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.live_scene import eye_camera
-from limen.placement import arrangement_of, facing_of_wall
-from limen.present.file import write_picture
-from limen.scene import SceneRenderer, SceneReport, Simplified
-from limen.select.mesh import Foldable
-from limen.stage import SceneSettings, check_still, posed
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.layers.mesh.draw import SceneOverlay
+from limen.layers.mesh.renderer import SceneRenderer, SceneReport, Simplified
+from limen.layers.mesh.select import Foldable
+from limen.pictures.files import write_picture
+from limen.show.live_scene import eye_camera
+from limen.show.stage import SceneSettings, check_still, posed
+from limen.viewing.camera import Camera
+from limen.viewing.placement import arrangement_of, facing_of_wall
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 __all__ = [
     "check_quilts",
@@ -162,7 +162,7 @@ def simplified_mesh(out: Output, mesh: Mesh, policy: Policy) -> Simplified | Non
     """What decides which triangles are left, for a policy that may leave out some."""
     if policy.name == "full":
         return None
-    from limen.data.mesh_folder import tree_of  # Numba and SciPy take a second
+    from limen.data.mesh.store import tree_of  # Numba and SciPy take a second
 
     with out.progress("joining vertices to a tree", 1) as step:
         foldable = Foldable(tree_of(mesh))

@@ -15,16 +15,16 @@ from limen.cli.show_image import FrameRow
 from limen.cli.show_live import say_who, show_live
 from limen.cli.show_mesh import check_quilts, lit_display, onlookers, visible_from
 from limen.gpu.device import open_device
-from limen.present.file import write_picture
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.pictures.files import write_picture
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 if TYPE_CHECKING:
-    from limen.data.points_file import Points
+    from limen.data.points.file import Points
     from limen.display.display import Display
-    from limen.draw.points import PointsOverlay
-    from limen.points import PointsReport
-    from limen.points_stage import PointsExhibit
+    from limen.layers.points.draw import PointsOverlay
+    from limen.layers.points.renderer import PointsReport
+    from limen.show.points_stage import PointsExhibit
 
 __all__ = ["points_row", "show_points", "write_points_frames"]
 
@@ -39,8 +39,8 @@ def show_points(
     out: Output,
 ) -> None:
     """Draw a cloud in windows, or into a folder."""
-    from limen.points import PointsReport  # Zarr and Numba take a second
-    from limen.points_stage import PointsExhibit
+    from limen.layers.points.renderer import PointsReport  # Zarr and Numba take a second
+    from limen.show.points_stage import PointsExhibit
 
     shown = asked.shown
     overlay: PointsOverlay = "panels" if asked.overlay == "panels" else "simplified"
@@ -78,7 +78,7 @@ def write_points_frames(
     seen_from: str,
 ) -> Iterator[tuple[PointsReport, list[str]]]:
     """Write what every panel or quilt shows, frame by frame: the frame's report, and the files."""
-    from limen.points import PointsReport
+    from limen.layers.points.renderer import PointsReport
 
     with ExitStack() as stack:
         device = stack.enter_context(open_device())

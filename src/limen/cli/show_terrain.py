@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.cli.show_mesh import lit_display, onlookers
-from limen.data.image import Image
-from limen.data.mesh import Mesh
+from limen.data.image.file import Image
+from limen.data.mesh.mesh import Mesh
 from limen.data.opening import open_content
 from limen.display.display import Display
-from limen.draw.terrain import TerrainOverlay
 from limen.gpu.device import open_device
-from limen.present.file import write_picture
-from limen.terrain import TerrainReport
-from limen.terrain_stage import TerrainExhibit
-from limen.viewer import Viewer
+from limen.layers.terrain.draw import TerrainOverlay
+from limen.layers.terrain.renderer import TerrainReport
+from limen.pictures.files import write_picture
+from limen.show.terrain_stage import TerrainExhibit
+from limen.viewing.viewer import Viewer
 
 if TYPE_CHECKING:
-    from limen.data.points_file import Points
-    from limen.data.terrain_file import Terrain
+    from limen.data.points.file import Points
+    from limen.data.terrain.file import Terrain
 
 __all__ = [
     "opened_content",

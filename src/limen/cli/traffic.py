@@ -15,25 +15,25 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.cli.show_terrain import opened_content
 from limen.cli.traffic_scene import scene_traffic
 from limen.cli.traffic_terrain import terrain_traffic
-from limen.data.cloud_type import is_points
-from limen.data.elevation_type import is_terrain
-from limen.data.mesh_type import is_mesh
+from limen.data.mesh.mesh_type import is_mesh
 from limen.data.opening import open_picture
+from limen.data.points.cloud_type import is_points
+from limen.data.terrain.elevation_type import is_terrain
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.placement import Fit, OnSurface
-from limen.select.detail import Detail
-from limen.select.image import View, view_of
+from limen.layers.common.page_detail import Detail
+from limen.layers.image.select import View, view_of
 from limen.study import traffic as study
 from limen.study.plots import format_of, traffic_plot
 from limen.study.traffic import Report, Row, SessionTraffic
-from limen.tolerance import Policy
 from limen.track.walk import session_named
+from limen.viewing.placement import Fit, OnSurface
+from limen.viewing.tolerance import Policy
 from limen.vision.acuity import HUMAN_ARCMIN
 
 if TYPE_CHECKING:
-    from limen.data.mesh import Mesh
-    from limen.data.points_file import Points
+    from limen.data.mesh.mesh import Mesh
+    from limen.data.points.file import Points
 
 __all__ = ["print_traffic", "traffic"]
 

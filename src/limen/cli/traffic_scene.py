@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from limen.cli.output import Output
 from limen.cli.show_mesh import visible_from
-from limen.data.mesh import Mesh
+from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
-from limen.stage import SceneSettings
+from limen.show.stage import SceneSettings
 from limen.study.traffic import frames_of
-from limen.tolerance import Policy
 from limen.track.session import Session
+from limen.viewing.tolerance import Policy
 
 if TYPE_CHECKING:
-    from limen.data.points_file import Points
+    from limen.data.points.file import Points
     from limen.study.scene_traffic import SceneRow, SceneTraffic
 
 __all__ = ["scene_traffic"]

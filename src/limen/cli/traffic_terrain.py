@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
 from limen.cli.show_terrain import opened_content
-from limen.data.terrain_file import Terrain
+from limen.data.terrain.file import Terrain
 from limen.display.display import Display
-from limen.select.detail import plain_detail
+from limen.layers.common.page_detail import plain_detail
 from limen.study.terrain_traffic import CountedDrape, TerrainRow, TerrainTraffic, count_terrain_traffic
 from limen.study.traffic import detail_of, frames_of, page_bytes_of
-from limen.tolerance import Policy
 from limen.track.session import Session
-from limen.track.stand import standing_viewer
+from limen.viewing.standing import standing_viewer
+from limen.viewing.tolerance import Policy
 
 __all__ = ["terrain_traffic"]
 

@@ -13,14 +13,13 @@ from cyclopts import Parameter
 from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOption, chosen_panels, refuse_acuity
 from limen.cli.heard import VERIFY, given_options, kind_of, refuse_kind
 from limen.cli.output import DEFAULT, Common, Output
-from limen.data.image import Image
-from limen.data.mesh import Mesh
+from limen.data.image.file import Image
+from limen.data.mesh.mesh import Mesh
 from limen.data.opening import open_content, open_picture
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.gpu.device import open_device
-from limen.placement import Fit, OnSurface
-from limen.select.image import view_of
+from limen.layers.image.select import view_of
 from limen.study.controls import Control, run_controls
 from limen.study.observer import Observer
 from limen.study.plots import format_of
@@ -28,12 +27,13 @@ from limen.study.traffic import detail_of
 from limen.study.verdict_plot import verdict_plot
 from limen.study.verify import FACTORS, Judged, Trial, VerifyRow, imperceptible, judge_windows, rows_of, trials_of
 from limen.study.windows import Window, choose_windows
-from limen.tolerance import Policy
-from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
+from limen.viewing.placement import Fit, OnSurface
+from limen.viewing.standing import standing_viewer
+from limen.viewing.tolerance import Policy
 
 if TYPE_CHECKING:
-    from limen.data.points_file import Points
+    from limen.data.points.file import Points
 
 __all__ = ["verify"]
 

@@ -10,27 +10,27 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from limen.data.build import IngestReport, ingest
-    from limen.data.contrast import CONTRAST_OF_BYTE, ContrastSurvey, page_contrast
-    from limen.data.image import Image, ImageInfo
-    from limen.data.mesh import NO_TEXTURE, Mesh, MeshInfo
-    from limen.data.mesh_file import open_mesh
-    from limen.data.mesh_folder import MeshReport, ingest_mesh
-    from limen.data.mesh_sample import KNOT_TRIANGLES, MeshSampleReport, ripple, sample_mesh, torus_knot
+    from limen.data.image.contrast import CONTRAST_OF_BYTE, ContrastSurvey, page_contrast
+    from limen.data.image.file import Image, ImageInfo
+    from limen.data.image.ingest import IngestReport, ingest
+    from limen.data.mesh.file import open_mesh
+    from limen.data.mesh.mesh import NO_TEXTURE, Mesh, MeshInfo
+    from limen.data.mesh.store import MeshReport, ingest_mesh
     from limen.data.opening import open_content as open
     from limen.data.pages import GUTTER, PAGE, Level, Pyramid
-    from limen.data.points_build import build_points
-    from limen.data.points_file import Points
-    from limen.data.points_info import PointsInfo, cloud_info
-    from limen.data.points_ingest import PointsReport, ingest_points
-    from limen.data.points_opening import open_points
-    from limen.data.points_sample import HALL_POINTS, PointsSampleReport, sample_points
-    from limen.data.sample import SampleReport, sample_image
-    from limen.data.terrain_build import TerrainReport, ingest_terrain
-    from limen.data.terrain_file import Terrain
-    from limen.data.terrain_info import TerrainInfo, elevation_info
-    from limen.data.terrain_opening import open_terrain
-    from limen.data.terrain_sample import TerrainSampleReport, sample_terrain
+    from limen.data.points.build import build_points
+    from limen.data.points.file import Points
+    from limen.data.points.info import PointsInfo, cloud_info
+    from limen.data.points.ingest import PointsReport, ingest_points
+    from limen.data.points.opening import open_points
+    from limen.data.samples.image import SampleReport, sample_image
+    from limen.data.samples.mesh import KNOT_TRIANGLES, MeshSampleReport, ripple, sample_mesh, torus_knot
+    from limen.data.samples.points import HALL_POINTS, PointsSampleReport, sample_points
+    from limen.data.samples.terrain import TerrainSampleReport, sample_terrain
+    from limen.data.terrain.file import Terrain
+    from limen.data.terrain.info import TerrainInfo, elevation_info
+    from limen.data.terrain.ingest import TerrainReport, ingest_terrain
+    from limen.data.terrain.opening import open_terrain
 
 __all__ = [
     "CONTRAST_OF_BYTE",
@@ -79,49 +79,49 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CONTRAST_OF_BYTE": ("contrast_file", "CONTRAST_OF_BYTE"),
-    "ContrastSurvey": ("contrast", "ContrastSurvey"),
+    "CONTRAST_OF_BYTE": ("image.contrast_file", "CONTRAST_OF_BYTE"),
+    "ContrastSurvey": ("image.contrast", "ContrastSurvey"),
     "GUTTER": ("pages", "GUTTER"),
-    "HALL_POINTS": ("points_sample", "HALL_POINTS"),
-    "Image": ("image", "Image"),
-    "ImageInfo": ("image", "ImageInfo"),
-    "IngestReport": ("build", "IngestReport"),
-    "KNOT_TRIANGLES": ("mesh_sample", "KNOT_TRIANGLES"),
+    "HALL_POINTS": ("samples.points", "HALL_POINTS"),
+    "Image": ("image.file", "Image"),
+    "ImageInfo": ("image.file", "ImageInfo"),
+    "IngestReport": ("image.ingest", "IngestReport"),
+    "KNOT_TRIANGLES": ("samples.mesh", "KNOT_TRIANGLES"),
     "Level": ("pages", "Level"),
-    "Mesh": ("mesh", "Mesh"),
-    "MeshInfo": ("mesh", "MeshInfo"),
-    "MeshSampleReport": ("mesh_sample", "MeshSampleReport"),
-    "NO_TEXTURE": ("mesh", "NO_TEXTURE"),
+    "Mesh": ("mesh.mesh", "Mesh"),
+    "MeshInfo": ("mesh.mesh", "MeshInfo"),
+    "MeshSampleReport": ("samples.mesh", "MeshSampleReport"),
+    "NO_TEXTURE": ("mesh.mesh", "NO_TEXTURE"),
     "PAGE": ("pages", "PAGE"),
-    "Points": ("points_file", "Points"),
-    "PointsInfo": ("points_info", "PointsInfo"),
-    "MeshReport": ("mesh_folder", "MeshReport"),
-    "PointsReport": ("points_ingest", "PointsReport"),
-    "PointsSampleReport": ("points_sample", "PointsSampleReport"),
+    "Points": ("points.file", "Points"),
+    "PointsInfo": ("points.info", "PointsInfo"),
+    "MeshReport": ("mesh.store", "MeshReport"),
+    "PointsReport": ("points.ingest", "PointsReport"),
+    "PointsSampleReport": ("samples.points", "PointsSampleReport"),
     "Pyramid": ("pages", "Pyramid"),
-    "SampleReport": ("sample", "SampleReport"),
-    "Terrain": ("terrain_file", "Terrain"),
-    "TerrainInfo": ("terrain_info", "TerrainInfo"),
-    "TerrainReport": ("terrain_build", "TerrainReport"),
-    "TerrainSampleReport": ("terrain_sample", "TerrainSampleReport"),
-    "build_points": ("points_build", "build_points"),
-    "cloud_info": ("points_info", "cloud_info"),
-    "elevation_info": ("terrain_info", "elevation_info"),
-    "ingest": ("build", "ingest"),
-    "ingest_mesh": ("mesh_folder", "ingest_mesh"),
-    "ingest_points": ("points_ingest", "ingest_points"),
-    "ingest_terrain": ("terrain_build", "ingest_terrain"),
+    "SampleReport": ("samples.image", "SampleReport"),
+    "Terrain": ("terrain.file", "Terrain"),
+    "TerrainInfo": ("terrain.info", "TerrainInfo"),
+    "TerrainReport": ("terrain.ingest", "TerrainReport"),
+    "TerrainSampleReport": ("samples.terrain", "TerrainSampleReport"),
+    "build_points": ("points.build", "build_points"),
+    "cloud_info": ("points.info", "cloud_info"),
+    "elevation_info": ("terrain.info", "elevation_info"),
+    "ingest": ("image.ingest", "ingest"),
+    "ingest_mesh": ("mesh.store", "ingest_mesh"),
+    "ingest_points": ("points.ingest", "ingest_points"),
+    "ingest_terrain": ("terrain.ingest", "ingest_terrain"),
     "open": ("opening", "open_content"),
-    "open_mesh": ("mesh_file", "open_mesh"),
-    "open_points": ("points_opening", "open_points"),
-    "open_terrain": ("terrain_opening", "open_terrain"),
-    "page_contrast": ("contrast", "page_contrast"),
-    "ripple": ("mesh_sample", "ripple"),
-    "sample_image": ("sample", "sample_image"),
-    "sample_mesh": ("mesh_sample", "sample_mesh"),
-    "sample_points": ("points_sample", "sample_points"),
-    "sample_terrain": ("terrain_sample", "sample_terrain"),
-    "torus_knot": ("mesh_sample", "torus_knot"),
+    "open_mesh": ("mesh.file", "open_mesh"),
+    "open_points": ("points.opening", "open_points"),
+    "open_terrain": ("terrain.opening", "open_terrain"),
+    "page_contrast": ("image.contrast", "page_contrast"),
+    "ripple": ("samples.mesh", "ripple"),
+    "sample_image": ("samples.image", "sample_image"),
+    "sample_mesh": ("samples.mesh", "sample_mesh"),
+    "sample_points": ("samples.points", "sample_points"),
+    "sample_terrain": ("samples.terrain", "sample_terrain"),
+    "torus_knot": ("samples.mesh", "torus_knot"),
 }
 
 

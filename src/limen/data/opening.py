@@ -9,18 +9,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from limen.data.cache import CACHE_BYTES
-from limen.data.cloud_type import is_points
-from limen.data.elevation_type import is_terrain
-from limen.data.file_type import existing_file
-from limen.data.mesh_type import is_mesh, is_mesh_folder, mesh_type
+from limen.data.mesh.mesh_type import is_mesh, is_mesh_folder, mesh_type
+from limen.data.points.cloud_type import is_points
+from limen.data.store.file_type import existing_file
+from limen.data.store.tile_cache import CACHE_BYTES
+from limen.data.terrain.elevation_type import is_terrain
 from limen.errors import FormatError
 
 if TYPE_CHECKING:
-    from limen.data.image import Image
-    from limen.data.mesh import Mesh
-    from limen.data.points_file import Points
-    from limen.data.terrain_file import Terrain
+    from limen.data.image.file import Image
+    from limen.data.mesh.mesh import Mesh
+    from limen.data.points.file import Points
+    from limen.data.terrain.file import Terrain
 
 __all__ = ["open_content", "open_picture"]
 
@@ -41,23 +41,23 @@ def open_content(
         If it is none of these, cut short, or so large that it wants ``limen ingest`` first.
     """
     if is_terrain(path):
-        from limen.data.terrain_opening import open_terrain
+        from limen.data.terrain.opening import open_terrain
 
         return open_terrain(path, progress=progress)
     if is_points(path):
-        from limen.data.points_opening import open_points
+        from limen.data.points.opening import open_points
 
         return open_points(path, progress=progress)
     if is_mesh_folder(path):
-        from limen.data.mesh_folder import open_mesh_folder
+        from limen.data.mesh.store import open_mesh_folder
 
         return open_mesh_folder(path)
     path = existing_file(path)
     if mesh_type(path) is not None:
-        from limen.data.mesh_file import open_mesh
+        from limen.data.mesh.file import open_mesh
 
         return open_mesh(path)
-    from limen.data.image import open_image
+    from limen.data.image.file import open_image
 
     return open_image(path, cache_bytes=cache_bytes)
 
@@ -67,6 +67,6 @@ def open_picture(path: str | Path) -> Image:
     kind = "a terrain" if is_terrain(path) else "a mesh" if is_mesh(path) else None
     if kind is not None:
         raise FormatError(f"{path}: is {kind}, and an image is wanted here; `limen show {path}` draws it")
-    from limen.data.image import open_image
+    from limen.data.image.file import open_image
 
     return open_image(path)

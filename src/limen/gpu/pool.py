@@ -26,7 +26,7 @@ _HEIGHTS_PX = (512, 1024, 2048, _LAYER_PX)
 
 
 class Placed(Protocol):
-    """A page and the slot it goes to; `limen.stream.Upload` is one."""
+    """A page and the slot it goes to; `limen.stream.pages.Upload` is one."""
 
     @property
     def slot(self) -> int: ...

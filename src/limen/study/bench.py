@@ -16,26 +16,26 @@ import numpy as np
 import pyvips
 
 from limen.data import ingest, sample_image
-from limen.data.image import Image, open_image
+from limen.data.image.file import Image, open_image
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
-from limen.draw.feedback import Feedback
-from limen.draw.image import Sampling
-from limen.frame import LOOKAHEAD_S, Renderer, select_ahead
 from limen.gpu.device import Device, open_device
-from limen.placement import OnSurface, one_to_one_size_px
-from limen.select.image import View, select, view_of
-from limen.stream import Stream
+from limen.layers.image.draw import Sampling
+from limen.layers.image.feedback import Feedback
+from limen.layers.image.renderer import LOOKAHEAD_S, Renderer, select_ahead
+from limen.layers.image.select import View, select, view_of
+from limen.stream.pages import Stream
 from limen.study.bench_lens import LensRow, bench_lens
 from limen.study.bench_panels import PanelsRow, bench_panels
 from limen.study.blank import Blank
 from limen.study.charts import CHARTS, chart
 from limen.study.kernels import kernel_rows
 from limen.study.observer import Observer
-from limen.tolerance import Policy, tolerance_of
-from limen.track.stand import standing_viewer
 from limen.track.walk import session_named
-from limen.viewer import Viewer
+from limen.viewing.placement import OnSurface, one_to_one_size_px
+from limen.viewing.standing import standing_viewer
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 __all__ = ["BENCHES", "Measured", "Table", "Walk", "bench_image", "measure_walk", "one_to_one_room", "walk_viewers"]
 

@@ -22,15 +22,15 @@ import numpy as np
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.frame import Renderer
 from limen.gpu.device import open_device
-from limen.lens import Lens, shown_at
-from limen.placement import OnSurface
-from limen.select.lens_cells import lens_cells
+from limen.layers.image.lens_cells import lens_cells
+from limen.layers.image.renderer import Renderer
 from limen.study.blank import Blank
-from limen.tessellation import Tessellation
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.viewing.lens import Lens, shown_at
+from limen.viewing.placement import OnSurface
+from limen.viewing.tessellation import Tessellation
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 from limen.vision.acuity import SNELLEN_ARCMIN, optimal_distance_m
 
 __all__ = ["LENSES", "Drawn", "LensRow", "aims", "bench_lens", "measured", "wall"]
@@ -119,9 +119,9 @@ def wall() -> Display:
 def measured(renderer: Renderer, samples: int = _SAMPLES) -> Drawn:
     """How far from where it belongs the last quilt's triangles draw what they show.
 
-    Each place that a triangle shows at a pixel belongs where the lenses' inverse says (`limen.lens.shown_at`, in double
-    precision). Asked are the middles of triangles and of their sides, and ``samples`` places at random, as many in
-    each.
+    Each place that a triangle shows at a pixel belongs where the lenses' inverse says (`limen.viewing.lens.shown_at`,
+    in double precision). Asked are the middles of triangles and of their sides, and ``samples`` places at random, as
+    many in each.
     """
     view, triangles = renderer.view, renderer.lens_triangles()
     assert view.maps is not None

@@ -23,28 +23,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from limen.data.mesh import Mesh
-from limen.data.mesh_sample import torus_knot
+from limen.data.mesh.mesh import Mesh
+from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.opening import open_content
-from limen.data.tree_build import build_vertex_tree
+from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.display.quilt import pack
-from limen.draw.folded import mesh_of_nodes
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.scene import SceneRenderer, Simplified
-from limen.select.mesh import Foldable, FoldSight, select_mesh
-from limen.select.shares import shares_of_policy
+from limen.layers.common.contrast_scale import shares_of_policy
+from limen.layers.mesh.folded import mesh_of_nodes
+from limen.layers.mesh.renderer import SceneRenderer, Simplified
+from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
 from limen.study.bench_points import PeerRow
 from limen.study.mesh_peers import PEERS, missing_package
 from limen.study.observer import WINDOW_PX, Observer, light_of, missing_packages
 from limen.study.peers import INSTALL
 from limen.study.surfaces import surface_error
 from limen.study.verify_scene import Pose, monitor, pixels_per_degree, random_poses, random_windows, standing
-from limen.tolerance import Policy, tolerance_of
-from limen.view import Windows
-from limen.viewer import Viewer
+from limen.viewing.projection import Windows
+from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.viewer import Viewer
 
 __all__ = ["MeshBench", "Seen", "bench_mesh", "folded_uniformly"]
 

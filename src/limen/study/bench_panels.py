@@ -28,11 +28,11 @@ from limen.display import shapes
 from limen.display.display import Display
 from limen.display.mesh import PolygonMesh, panels_of_mesh
 from limen.display.packing import pack_outlines
-from limen.draw.scene import METHODS, Method, SceneLayer
 from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.view import Windows
+from limen.layers.mesh.draw import METHODS, Method, SceneLayer
+from limen.viewing.projection import Windows
 
 __all__ = ["DISPLAYS", "Budget", "PanelsRow", "Point", "Stage", "aims", "bench_panels", "measure", "points", "stage"]
 

@@ -19,15 +19,15 @@ import msgspec
 import numpy as np
 from scipy.spatial import cKDTree
 
-from limen.data.cloud_file import open_cloud
-from limen.data.hilbert_kernels import KEY_LEVELS, hilbert_keys
-from limen.data.point_nodes import CHUNK_LEVEL, LEVEL_BEGIN
-from limen.data.point_tops import tops_of
-from limen.data.points_build import fill_contrasts
-from limen.data.points_file import Points
-from limen.data.points_ingest import ingest_points
-from limen.data.points_sample import Scanned, sample_points, scanned_hall
-from limen.data.points_tree import Lattice, arranged, chunks_of, hilbert_order, pack_points
+from limen.data.points.build import fill_contrasts
+from limen.data.points.cloud import open_cloud
+from limen.data.points.file import Points
+from limen.data.points.hilbert_kernels import KEY_LEVELS, hilbert_keys
+from limen.data.points.ingest import ingest_points
+from limen.data.points.nodes import CHUNK_LEVEL, LEVEL_BEGIN
+from limen.data.points.tree import Lattice, arranged, chunks_of, hilbert_order, pack_points
+from limen.data.points.upper_nodes import tops_of
+from limen.data.samples.points import Scanned, sample_points, scanned_hall
 from limen.vision.luminance import Photometry
 
 __all__ = ["PeerRow", "bench_points"]

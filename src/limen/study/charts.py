@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
-from limen.data.resample import linear_of_srgb, srgb_of_linear
+from limen.data.store.resample import linear_of_srgb, srgb_of_linear
 from limen.errors import InputError
 from limen.study.filters import resampled
 

@@ -15,19 +15,17 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from limen.data import ingest, sample_image
-from limen.data.image import Image
+from limen.data.image.file import Image
 from limen.data.opening import open_picture
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
 from limen.errors import NeedsIngestError
-from limen.frame import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.machine import cache_folder, place_in_cache
-from limen.placement import Fit, OnSurface
-from limen.present.file import write_picture
-from limen.present.room import draw_room, draw_surface
-from limen.select.image import levels_at, select, view_of
+from limen.layers.image.renderer import Renderer
+from limen.layers.image.select import levels_at, select, view_of
+from limen.pictures.files import write_picture
+from limen.pictures.room import draw_room, draw_surface
 from limen.study.moments import Moment, level_tints, telling_moments
 from limen.study.plots import traffic_picture
 from limen.study.report import Crop, Scene, Story, write_report
@@ -40,10 +38,12 @@ from limen.study.traffic import (
     page_bytes_of,
     policies_of,
 )
-from limen.tolerance import Policy, tolerance_of
+from limen.system import cache_folder, place_in_cache
 from limen.track.session import Session
 from limen.track.walk import session_named
 from limen.units import arcmin_to_rad
+from limen.viewing.placement import Fit, OnSurface
+from limen.viewing.tolerance import Policy, tolerance_of
 
 __all__ = ["DemoResult", "Watch", "run_demo"]
 

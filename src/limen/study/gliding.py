@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from limen.geometry import Floats
-from limen.vision.castle import FREQUENCY_CPD, LUMINANCE_CD_M2, MECHANISMS, log_sensitivity
+from limen.vision.castle_csf import FREQUENCY_CPD, LUMINANCE_CD_M2, MECHANISMS, log_sensitivity
 
 __all__ = ["gliding"]
 
@@ -36,7 +36,7 @@ def gliding(
     mean_cd_m2
         What eyes are adapted to.
     opponent_of_rgb
-        (3, 3): to the channels of `limen.vision.castle.MECHANISMS`.
+        (3, 3): to the channels of `limen.vision.castle_csf.MECHANISMS`.
     """
     height, width = reference.shape[:2]
     down_cpd = samples_per_degree * np.fft.fftfreq(height)[:, None]

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.resample import srgb_of_linear
+from limen.data.store.resample import srgb_of_linear
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.filters import magnified, resampled

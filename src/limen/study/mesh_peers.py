@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from limen.data.mesh import Mesh, smooth_normals
+from limen.data.mesh.mesh import Mesh, smooth_normals
 from limen.study.peers import missing_of
 
 __all__ = ["MADE_BY", "PEERS", "missing_package"]

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.study.bench_mesh import Seen
 from limen.study.plots import GREY, STYLE, Format, figure_bytes, format_of
 

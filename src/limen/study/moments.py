@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.display.display import Display
-from limen.draw.records import level_colours
 from limen.geometry import Floats
-from limen.select.image import View, levels_at
-from limen.tolerance import Tolerance
+from limen.layers.image.select import View, levels_at
+from limen.layers.image.uniforms import level_colours
 from limen.track.session import Session
-from limen.viewer import Viewer
+from limen.viewing.tolerance import Tolerance
+from limen.viewing.viewer import Viewer
 
 __all__ = ["Moment", "level_tints", "nearest_panel", "telling_moments"]
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from limen.data.resample import LINEAR_OF_SRGB, srgb_of_linear
+from limen.data.store.resample import LINEAR_OF_SRGB, srgb_of_linear
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.filters import resampled

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from limen.data.pages import PAGE
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.traffic import Counts, Report, Row

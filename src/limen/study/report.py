@@ -15,16 +15,16 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from limen.data.image import Image
+from limen.data.image.file import Image
 from limen.data.pages import PAGE
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
-from limen.draw.records import level_colours
 from limen.geometry import Floats
-from limen.placement import OnSurface
+from limen.layers.image.uniforms import level_colours
 from limen.study.moments import Moment
 from limen.study.traffic import Report, Row
 from limen.track.session import Session
+from limen.viewing.placement import OnSurface
 from limen.vision.acuity import HUMAN_ARCMIN
 
 __all__ = ["Crop", "Scene", "Story", "write_report"]

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from limen.geometry import Floats
-from limen.select.image import View
+from limen.layers.image.select import View
 from limen.study.resolvable_kernels import sum_demands
-from limen.tolerance import Tolerance
+from limen.viewing.tolerance import Tolerance
 from limen.vision.resolution import ECCENTRICITY_PER_DEG
 
 __all__ = ["Places", "places_of", "resolvable_samples"]

@@ -8,20 +8,20 @@ from typing import NamedTuple, Protocol
 import msgspec
 import numpy as np
 
-from limen.data.mesh import Mesh
-from limen.data.mesh_folder import tree_of
-from limen.data.points_file import Points
+from limen.data.mesh.mesh import Mesh
+from limen.data.mesh.store import tree_of
+from limen.data.points.file import Points
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.geometry import Floats
-from limen.points_stream import PointStream
-from limen.select.mesh import Foldable, FoldSight, select_mesh
-from limen.select.points import PointTree, Sight, select_points
-from limen.select.shares import shares_of_policy
+from limen.layers.common.contrast_scale import shares_of_policy
+from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
+from limen.layers.points.select import PointTree, Sight, select_points
+from limen.layers.points.stream import PointStream
 from limen.study.traffic import FRAMES_PER_S
-from limen.tolerance import STANDS, Policy, Tolerance, tolerance_of
 from limen.track.session import Frame, Session
-from limen.view import PanelViews, Windows, guard_of
+from limen.viewing.projection import PanelViews, Windows, guard_of
+from limen.viewing.tolerance import STANDS, Policy, Tolerance, tolerance_of
 
 __all__ = ["SceneRow", "SceneSession", "SceneTraffic", "count_scene_traffic"]
 

@@ -12,24 +12,24 @@ import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
-from limen.data.terrain_file import Terrain
+from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
-from limen.draw.terrain_look import TerrainLook
 from limen.geometry import Floats
 from limen.gpu.device import Device
+from limen.layers.terrain.look import TerrainLook
+from limen.layers.terrain.renderer import TerrainRenderer
+from limen.layers.terrain.selector import Choice, Scenery, TerrainSettings, TerrainSight
 from limen.study.error_kernels import measure_residuals
 from limen.study.terrain_peers import INSTALL, missing_package
 from limen.study.terrain_table import Table2Row, at_wall_centre, table2_rows
 from limen.study.terrain_vtk import FullGrid, hillshade
 from limen.study.triangulations import Posts, drawn
-from limen.terrain import TerrainRenderer
-from limen.terrain_choice import Choice, Scenery, TerrainSettings, TerrainSight
-from limen.tolerance import Policy
-from limen.track.stand import standing_viewer
-from limen.view import PanelViews
-from limen.viewer import Viewer
+from limen.viewing.projection import PanelViews
+from limen.viewing.standing import standing_viewer
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 __all__ = [
     "LOOK",

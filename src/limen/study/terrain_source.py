@@ -12,9 +12,9 @@ import numpy as np
 import rasterio
 from rasterio.errors import RasterioError
 
-from limen.data.elevation import ElevationSource, Window
-from limen.data.terrain_build import ingest_terrain
-from limen.data.terrain_file import Terrain, is_terrain_folder
+from limen.data.terrain.elevation import ElevationSource, Window
+from limen.data.terrain.file import Terrain, is_terrain_folder
+from limen.data.terrain.ingest import ingest_terrain
 from limen.errors import InputError, StorageError
 from limen.study.triangulations import Posts
 
@@ -89,7 +89,7 @@ def prepared(content: Content, sample_size: int, say: Say) -> Iterator[Terrain]:
 
 
 def _sample(path: Path, size: int, say: Say) -> Path:
-    from limen.data.terrain_sample import sample_terrain  # its kernels are not needed for a DEM
+    from limen.data.samples.terrain import sample_terrain  # its kernels are not needed for a DEM
 
     say(f"making a sample terrain of {size} x {size} posts")
     sample_terrain(path, size)

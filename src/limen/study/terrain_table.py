@@ -30,9 +30,9 @@ import numpy as np
 
 from limen.display.display import Display
 from limen.geometry import Floats, as_vec3
-from limen.select.visibility import OUTSIDE, PanelDemands, Rule, panel_demands
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.viewing.panel_demands import OUTSIDE, PanelDemands, Rule, panel_demands
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 __all__ = ["PAPER", "PaperRow", "Table2Row", "at_wall_centre", "on_column_centre", "table2_rows"]
 

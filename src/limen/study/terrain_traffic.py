@@ -12,17 +12,17 @@ import msgspec
 import numpy as np
 
 from limen.data.pages import Pyramid
-from limen.data.terrain_file import Terrain
+from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
-from limen.select.detail import Detail
+from limen.layers.common.page_detail import Detail
+from limen.layers.terrain.selector import Scenery, TerrainSettings, TerrainSight, merged
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import FRAMES_PER_S, one_to_one_view
-from limen.terrain_choice import Scenery, TerrainSettings, TerrainSight, merged
-from limen.tolerance import Policy, tolerance_of
 from limen.track.session import Frame, Session
+from limen.viewing.tolerance import Policy, tolerance_of
 
 __all__ = ["CountedDrape", "TerrainRow", "TerrainSession", "TerrainTraffic", "count_terrain_traffic"]
 
@@ -120,7 +120,7 @@ def count_terrain_traffic(
     display
         The panels that count; parts of the installation ``whole``.
     settings, reference_m
-        As for `limen.terrain.TerrainRenderer`; a flight follows the session's clock.
+        As for `limen.layers.terrain.renderer.TerrainRenderer`; a flight follows the session's clock.
     advance
         Called after every frame.
     """

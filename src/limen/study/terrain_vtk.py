@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.resample import srgb_of_linear
+from limen.data.store.resample import srgb_of_linear
 from limen.display.panel import Panel
-from limen.draw.terrain_look import TerrainLook, toward_sun
 from limen.errors import InputError
 from limen.geometry import Floats
+from limen.layers.terrain.look import TerrainLook, toward_sun
 from limen.study.triangulations import Posts
 
 __all__ = ["FullGrid", "hillshade"]
@@ -31,7 +31,7 @@ class FullGrid:
     Parameters
     ----------
     room_from_posts
-        As of `limen.look_at.room_from_posts`.
+        As of `limen.layers.terrain.look_at.room_from_posts`.
     eye_m
         In the room, before the panel's middle.
 

@@ -18,18 +18,18 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from limen.data.contrast import CONTRAST_OF_BYTE, page_contrast
-from limen.data.image import Image
+from limen.data.image.contrast import CONTRAST_OF_BYTE, page_contrast
+from limen.data.image.file import Image
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
-from limen.placement import OnShape, OnSurface, one_to_one_size_px
-from limen.select.detail import Detail, contrast_detail
-from limen.select.image import View, flat_pairs, select, view_of
+from limen.layers.common.page_detail import Detail, contrast_detail
+from limen.layers.image.select import View, flat_pairs, select, view_of
 from limen.study.resolvable import places_of, resolvable_samples
-from limen.tolerance import Policy, Tolerance, ignores_acuity, tolerance_of
 from limen.track.session import Frame, Session
+from limen.viewing.placement import OnShape, OnSurface, one_to_one_size_px
+from limen.viewing.tolerance import Policy, Tolerance, ignores_acuity, tolerance_of
 from limen.vision.acuity import acuity_from
 
 __all__ = [
@@ -252,7 +252,7 @@ def count_traffic(
     per_node
         A page that several nodes show counts once for each, as it does when every node fetches for itself.
     detail
-        What the policy ``contrast`` goes by; see `limen.select.detail.contrast_detail`.
+        What the policy ``contrast`` goes by; see `limen.layers.common.page_detail.contrast_detail`.
     advance
         Called after every frame.
 

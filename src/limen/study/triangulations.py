@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.terrain import Patch
-from limen.data.tin_tree import Block, build_tree, exact_patch
+from limen.data.terrain.model import Patch
+from limen.data.terrain.tin_tree import Block, build_tree, exact_patch
 from limen.errors import InputError
 from limen.study.error_kernels import fan_out, measure_residuals
 

@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.study.plots import COLOURS, GREY, INK, STYLE, Format, figure_bytes, format_of
 from limen.study.verify import VerifyRow
 

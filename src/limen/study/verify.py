@@ -16,18 +16,18 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from limen.data.image import Image
+from limen.data.image.file import Image
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.errors import PageError
-from limen.frame import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device
-from limen.placement import OnSurface
+from limen.layers.image.renderer import Renderer
 from limen.study.observer import Observer, Verdict, light_of, sampled
 from limen.study.windows import Window, cut_display
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.viewing.placement import OnSurface
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 
 __all__ = [
     "ALIKE",

@@ -20,21 +20,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from limen.data.mesh import Mesh
-from limen.data.mesh_folder import tree_of
-from limen.data.points_file import Points
+from limen.data.mesh.mesh import Mesh
+from limen.data.mesh.store import tree_of
+from limen.data.points.file import Points
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.errors import InputError
 from limen.geometry import Floats, as_vec3
 from limen.gpu.device import Device
-from limen.points import PointsRenderer
-from limen.scene import SceneRenderer, Simplified
-from limen.select.mesh import Extent, Foldable
+from limen.layers.mesh.renderer import SceneRenderer, Simplified
+from limen.layers.mesh.select import Extent, Foldable
+from limen.layers.points.renderer import PointsRenderer
 from limen.study.observer import WINDOW_PX, Observer, Verdict, light_of, sampled
 from limen.study.verify import ALIKE, Judged, Trial
-from limen.tolerance import Policy
-from limen.viewer import Viewer
+from limen.viewing.tolerance import Policy
+from limen.viewing.viewer import Viewer
 from limen.vision.motion import retinal_velocity_deg_s
 
 __all__ = [
@@ -91,7 +91,7 @@ class Subject(Protocol):
 
     def picture(self, stands: Floats, viewer: Viewer, policy: Policy, moves: Floats) -> Picture:
         """What the panel shows, (H, W, 4), of the object standing by a map (4, 4) from its coordinates to the room,
-        where it moves by (3, 4), see `limen.tolerance.Tolerance`."""
+        where it moves by (3, 4), see `limen.viewing.tolerance.Tolerance`."""
         ...
 
     def close(self) -> None: ...

@@ -11,10 +11,10 @@ from limen.display.display import Display, Rect
 from limen.display.panel import Panel
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
-from limen.select.image import View
+from limen.layers.image.select import View
 from limen.study.observer import LEAST_WINDOW_PX, SAMPLES_PER_DEGREE, WINDOW_PX
 from limen.track.session import Session
-from limen.viewer import Viewer
+from limen.viewing.viewer import Viewer
 
 __all__ = ["Window", "choose_windows", "cut_display"]
 

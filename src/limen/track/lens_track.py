@@ -13,7 +13,7 @@ import numpy as np
 
 from limen.errors import FormatError, InputError, MissingFileError
 from limen.geometry import Floats
-from limen.lens import Lens
+from limen.viewing.lens import Lens
 
 __all__ = ["COLUMNS", "LensTrack", "lenses_at", "read_lens_tracks"]
 

@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from limen.data.partial import write_bytes
+from limen.data.store.atomic import write_bytes
 from limen.errors import MissingFileError, SessionError
 from limen.track.session import Session, Track, find_fault
 

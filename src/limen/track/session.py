@@ -10,7 +10,7 @@ import numpy as np
 
 from limen.errors import SessionError
 from limen.geometry import Floats, as_vec3
-from limen.viewer import FASTEST_M_S, Pointer, Viewer
+from limen.viewing.viewer import FASTEST_M_S, Pointer, Viewer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

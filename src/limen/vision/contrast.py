@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.vision.castle import LUMINANCE_CD_M2, MECHANISMS, Field, Mechanism, mechanism_contrasts
+from limen.vision.castle_csf import LUMINANCE_CD_M2, MECHANISMS, Field, Mechanism, mechanism_contrasts
 from limen.vision.models import ModelChoice, checked, model_of
 
 __all__ = ["D65_LMS", "cone_sensitivity", "sensitivity"]

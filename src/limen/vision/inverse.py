@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.vision.castle import FREQUENCY_CPD
+from limen.vision.castle_csf import FREQUENCY_CPD
 from limen.vision.models import Model
 
 __all__ = ["highest_visible_cpd"]

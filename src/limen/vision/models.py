@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.vision import castle
+from limen.vision import castle_csf as castle
 from limen.vision.calibration import CalibrationTable
 
 __all__ = [

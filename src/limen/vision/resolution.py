@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.vision.castle import LUMINANCE_CD_M2, MECHANISMS, Mechanism, log_still_sensitivity
+from limen.vision.castle_csf import LUMINANCE_CD_M2, MECHANISMS, Mechanism, log_still_sensitivity
 from limen.vision.inverse import highest_visible_cpd
 from limen.vision.models import Model, checked
 

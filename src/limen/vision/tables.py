@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.vision.castle import FREQUENCY_CPD, LUMINANCE_CD_M2, log_bands
+from limen.vision.castle_csf import FREQUENCY_CPD, LUMINANCE_CD_M2, log_bands
 from limen.vision.resolution import luminance_scale
 
 __all__ = ["SIDE", "SensitivityTables", "sensitivity_tables"]

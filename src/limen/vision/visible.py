@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.vision.castle import LUMINANCE_CD_M2, Field, Mechanism
+from limen.vision.castle_csf import LUMINANCE_CD_M2, Field, Mechanism
 from limen.vision.inverse import highest_visible_cpd
 from limen.vision.models import ModelChoice, checked, model_of
 from limen.vision.resolution import people_cpd

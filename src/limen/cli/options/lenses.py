@@ -12,12 +12,12 @@ from cyclopts import Group, Parameter
 from numpy.typing import NDArray
 
 from limen.errors import InputError, MissingFileError
-from limen.lens import DropOff, Lens
-from limen.tessellation import LensMode, Tessellation
 from limen.track.lens_track import lenses_at, read_lens_tracks
+from limen.viewing.lens import DropOff, Lens
+from limen.viewing.tessellation import LensMode, Tessellation
 
 if TYPE_CHECKING:
-    from limen.frame import LensMoves
+    from limen.layers.image.renderer import LensMoves
 
 __all__ = ["LENSES_DEFAULT", "LensOptions"]
 
@@ -100,7 +100,7 @@ class LensOptions:
         InputError
             If one cannot be read, or cannot be.
         """
-        from limen.frame import LensMoves
+        from limen.layers.image.renderer import LensMoves
 
         carried = tuple(
             self._lens(text, text.replace(_CARRIED, "0,0,", 1)) for text in self.lens if text.startswith(_CARRIED)
@@ -139,7 +139,7 @@ def _heights(path: Path) -> NDArray[np.float64]:
     """
     import pyvips
 
-    from limen.data.vips import one_line
+    from limen.data.image.vips import one_line
 
     if not path.exists():
         raise MissingFileError(f"--lens-heights {path}: there is no such file")

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 import numpy as np
 from cyclopts import Group, Parameter
 
-from limen.choices import Animation, Depth, Stereo
 from limen.cli.arguments import place
-from limen.data.resample import linear_of_srgb
+from limen.data.store.resample import linear_of_srgb
 from limen.errors import InputError
+from limen.viewing.choices import Animation, Depth, Stereo
 
 if TYPE_CHECKING:
     from limen.display.display import Display
-    from limen.stage import SceneSettings
+    from limen.show.stage import SceneSettings
 
 __all__ = ["MESH_DEFAULT", "MeshOptions", "Write"]
 
@@ -66,8 +66,8 @@ class MeshOptions:
 
         ``up`` and ``tilt_deg`` are for where they do not say.
         """
-        from limen.scene import BACKGROUND
-        from limen.stage import SceneSettings
+        from limen.layers.mesh.renderer import BACKGROUND
+        from limen.show.stage import SceneSettings
 
         at_m = place(self.at, "--at") if self.at else None
         background = _light_of(self.background) if self.background else BACKGROUND

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
-from limen.choices import CameraKind, Mode
-from limen.draw.terrain_look import Colours, TerrainLook
 from limen.errors import InputError
-from limen.look_at import Flight, LookAt
-from limen.select.visibility import Rule
+from limen.layers.terrain.look import Colours, TerrainLook
+from limen.layers.terrain.look_at import Flight, LookAt
+from limen.viewing.choices import CameraKind, Mode
+from limen.viewing.panel_demands import Rule
 
 if TYPE_CHECKING:
-    from limen.data.terrain_file import Terrain
-    from limen.terrain_choice import TerrainSettings
-    from limen.terrain_stock import Draped
+    from limen.data.terrain.file import Terrain
+    from limen.layers.terrain.resources import Draped
+    from limen.layers.terrain.selector import TerrainSettings
 
 __all__ = ["TERRAIN_DEFAULT", "TerrainOptions"]
 
@@ -63,7 +63,7 @@ class TerrainOptions:
 
     def settings(self, most_triangles: int | None) -> TerrainSettings:
         """From where it is looked at, and how detail is chosen; raises InputError for what cannot be."""
-        from limen.terrain_choice import TerrainSettings
+        from limen.layers.terrain.selector import TerrainSettings
 
         look_at = LookAt(_pair(self.target), self.heading_deg, self.pitch_deg, self.range_m, self.exaggeration)
         return TerrainSettings(look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg, most_triangles)
@@ -84,9 +84,9 @@ class TerrainOptions:
             return
         if self.colours not in (None, "drape"):
             raise InputError(f"--colours {self.colours} would hide the --drape: leave out one of them")
-        from limen.data.drape import texel_from_post  # GDAL takes a quarter of a second
         from limen.data.opening import open_picture
-        from limen.terrain_stock import Draped
+        from limen.data.terrain.drape import texel_from_post  # GDAL takes a quarter of a second
+        from limen.layers.terrain.resources import Draped
 
         with open_picture(self.drape) as image:
             yield Draped(image, texel_from_post(terrain, self.drape, image.size_px))

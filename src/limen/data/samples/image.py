@@ -1,0 +1,137 @@
+"""``sample_image``: an imaginary world of any size, with something to see at every distance."""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.data.image.bigtiff import JpegTiles
+from limen.data.image.pyramid_writer import PyramidWriter
+from limen.data.samples.noise import BLOCK, FIELDS, land_at
+from limen.data.samples.painting import paint_block
+from limen.data.store.memory import Footprint
+from limen.errors import InputError
+
+__all__ = ["WALL_ASPECT", "SampleReport", "sample_image", "sample_size_px"]
+
+Texels = NDArray[np.uint8]
+
+WALL_ASPECT = 133_120 / 11_520
+"""Width by height of the unrolled wall of a room of 416 panels."""
+
+_LARGEST_GIGAPIXELS = 10_000.0
+_ATTEMPTS = 32
+_LEAST_LAND, _MOST_LAND = 0.4, 0.75
+
+
+class SampleReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What ``sample_image`` wrote."""
+
+    path: str
+    size: tuple[int, int]
+    seed: int
+    pixels: int
+    pages: int
+    bytes: int
+    seconds: float
+    peak_rss_mib: float
+
+
+def sample_size_px(gigapixels: float, aspect: float, width_px: int | None = None) -> tuple[int, int]:
+    """(width, height) nearest to what is asked for.
+
+    >>> sample_size_px(1.5335424, WALL_ASPECT)
+    (133120, 11520)
+    """
+    if not (0.0 < gigapixels <= _LARGEST_GIGAPIXELS):
+        raise InputError(
+            f"{gigapixels} gigapixels cannot be drawn; give more than 0 and at most {_LARGEST_GIGAPIXELS:.0f}"
+        )
+    if not (0.01 <= aspect <= 100.0):
+        raise InputError(f"an aspect of {aspect} is no picture; give a width by height between 0.01 and 100")
+    if width_px is not None and not 1 <= width_px <= 10_000_000:
+        raise InputError(f"a width of {width_px} texels cannot be drawn; give 1 to 10,000,000")
+    width = width_px if width_px is not None else max(1, round(math.sqrt(gigapixels * 1e9 * aspect)))
+    return width, max(1, round(width / aspect))
+
+
+def sample_image(
+    path: str | Path,
+    gigapixels: float = 1.0,
+    seed: int = 0,
+    aspect: float | None = None,
+    progress: Callable[[float], None] | None = None,
+    *,
+    width_px: int | None = None,
+    quality: int = 90,
+    workers: int | None = None,
+) -> SampleReport:
+    """Draw the world number ``seed`` into a pyramidal TIFF; the same texels on every run, with any number of workers.
+
+    ``aspect`` is width by height, :data:`WALL_ASPECT` unless given; ``width_px`` an alternative to ``gigapixels``.
+    The image is never held in memory. Raises InputError for sizes
+    that cannot be meant, StorageError or MissingFileError where ``path`` cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".tif", ".tiff"):
+        raise InputError(f"{path}: the sample is a TIFF; give it a name that ends in .tif")
+    if not 0 <= seed < 1 << 31:
+        raise InputError(f"seed {seed} must lie between 0 and {(1 << 31) - 1}")
+    size_px = sample_size_px(gigapixels, WALL_ASPECT if aspect is None else aspect, width_px)
+    begin = time.perf_counter()
+    coder = JpegTiles(quality)
+    with Footprint() as footprint, PyramidWriter(path, size_px, coder, workers=workers, progress=progress) as writer:
+        for top in range(0, size_px[1], BLOCK):
+            writer.push(paint_rows(seed, top, size_px, writer.pool))
+    return SampleReport(
+        path=str(path),
+        size=size_px,
+        seed=seed,
+        pixels=size_px[0] * size_px[1],
+        pages=writer.pyramid.page_count,
+        bytes=path.stat().st_size,
+        seconds=round(time.perf_counter() - begin, 3),
+        peak_rss_mib=round(footprint.peak_mib, 1),
+    )
+
+
+@functools.cache
+def _world_of(seed: int, size_px: tuple[int, int]) -> int:
+    """The number of a world that shows both land and sea on its day side.
+
+    Seeds of the noises are small numbers counted up from a world's, so worlds must lie far apart.
+    """
+    width, height = size_px
+    fields = np.empty(FIELDS, dtype=np.float64)
+    worlds = [seed * 100_003 + 1_009 * attempt for attempt in range(_ATTEMPTS)]
+    for world in worlds:
+        dry = []
+        for y in np.linspace(0.1, 0.9, 6) * height:
+            for x in np.linspace(0.05, 0.6, max(6, round(4 * width / height))) * width:
+                land_at(world, float(x), float(y), float(height), fields)
+                dry.append(fields[0] > 0.0)
+        if _LEAST_LAND <= np.mean(dry) <= _MOST_LAND:
+            return world
+    return worlds[0]
+
+
+def paint_rows(seed: int, top: int, size_px: tuple[int, int], pool: Executor) -> Texels:
+    """Rows ``top`` (a multiple of 256) and up to 255 more: (n, width, 3) uint8."""
+    width, height = size_px
+    rows = np.empty((min(BLOCK, height - top), width, 3), dtype=np.uint8)
+    world = _world_of(seed, size_px)
+    blocks = [
+        pool.submit(paint_block, world, left, top, width, height, rows[:, left : left + BLOCK])
+        for left in range(0, width, BLOCK)
+    ]
+    for block in blocks:
+        block.result()
+    return rows

@@ -1,0 +1,395 @@
+"""How an image lies on a display: on its unrolled surface, or on a shape seen through it; and where a mesh stands.
+
+On the **surface** every panel shows a rectangle of the image, whoever looks from wherever: the map from
+pixels to texels is a scale and an offset per panel. On a **shape** (plane, cylinder, ellipsoid) a pixel shows
+what lies behind it on the ray from one eye point, so the map bends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.display.display import Display
+from limen.errors import InputError
+from limen.geometry import Floats, Vec3, as_vec3
+from limen.viewing.lens import Lens
+from limen.viewing.tessellation import Tessellation
+from limen.viewing.viewer import Pointer
+
+__all__ = [
+    "FITS",
+    "Arrangement",
+    "OnShape",
+    "OnSurface",
+    "PanelMaps",
+    "Placement",
+    "arrangement_of",
+    "carried_lenses",
+    "facing_of_wall",
+    "mesh_in_room",
+    "mesh_stand",
+    "middle_of_wall",
+    "motion_of",
+    "one_to_one_size_px",
+    "texel_pointed_at",
+]
+
+Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
+_STEP_S = 1e-3
+_EXACT = Tessellation()
+FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
+
+
+class PanelMaps(NamedTuple):
+    """Texels of full resolution from pixels, per panel: ``texel = scale * pixel + offset``."""
+
+    scale: Floats  # (P, 2) texels per pixel
+    offset: Floats  # (P, 2) texels
+
+    @property
+    def mip_level(self) -> NDArray[np.int64]:
+        """``floor(log2 A)`` of every panel, shape (P,); negative where texels are larger than pixels.
+
+        ``A`` is the larger side of a pixel's footprint in texels (Heckbert 1983). A thousandth of tolerance keeps
+        an image that is shown texel for pixel at level 0 whatever the rounding of metres.
+        """
+        return np.asarray(np.floor(np.log2(self.footprint) + 1e-3), dtype=np.int64)
+
+    @property
+    def footprint(self) -> Floats:
+        """``A``: the larger side of every panel's pixels in texels, shape (P,)."""
+        return np.asarray(np.abs(self.scale).max(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class OnSurface:
+    """The image on the display's unrolled surface, centred.
+
+    Parameters
+    ----------
+    fit
+        ``contain``: all of the image is shown; ``cover``: all of the surface is filled;
+        ``one-to-one``: a texel on a pixel (of the first panel); unless zoomed, exactly on it.
+    zoom
+        Magnification on top of the fit.
+    centre
+        The place of the image (0 ... 1 from its left and top edge) that lies in the middle of the surface.
+    lenses
+        What is looked through, from the image to the eye; see `limen.viewing.lens.Lens`.
+    tessellation
+        How what is seen through them is drawn.
+    """
+
+    fit: Fit = "contain"
+    zoom: float = 1.0
+    centre: tuple[float, float] = (0.5, 0.5)
+    lenses: tuple[Lens, ...] = ()
+    tessellation: Tessellation = _EXACT
+
+    def __post_init__(self) -> None:
+        if self.fit not in FITS:
+            raise InputError(f"no fit is named '{self.fit}': there are {', '.join(FITS)}")
+        if not (0 < self.zoom < math.inf and all(math.isfinite(value) for value in self.centre)):
+            raise InputError(f"zoom must be positive and centre finite, got {self.zoom} and {self.centre}")
+        lenses = self.lenses if isinstance(self.lenses, list | tuple) else (self.lenses,)
+        if not all(isinstance(lens, Lens) for lens in lenses):
+            raise InputError(f"lenses must be of the type limen.Lens, got {self.lenses}")
+        object.__setattr__(self, "lenses", tuple(lenses))
+
+    @property
+    def bends(self) -> bool:
+        """Whether what is seen at a pixel has to be found for every pixel."""
+        return bool(self.lenses)
+
+    def texels_per_m(self, display: Display, size_px: tuple[int, int]) -> float:
+        surface = display.surface
+        ratios = (size_px[0] / surface.width, size_px[1] / surface.height)
+        match self.fit:
+            case "contain":
+                density = max(ratios)
+            case "cover":
+                density = min(ratios)
+            case _:
+                density = 1 / display.pitch_m
+        return density / self.zoom
+
+    def panel_maps(self, display: Display, size_px: tuple[int, int]) -> PanelMaps:
+        """Where every panel's pixels lie in an image of ``size_px`` texels."""
+        density = self.texels_per_m(display, size_px)
+        arrays, surface = display.arrays, display.surface
+        middle = np.array([surface.left + surface.width / 2, surface.top + surface.height / 2])
+        scale = arrays.pitch_m * density
+        offset = (arrays.surface_m - middle) * density + np.array(self.centre) * np.array(size_px)
+        if self.fit == "one-to-one" and self.zoom == 1:
+            # Between two texels every pixel would be their mean.
+            offset += np.round(offset[0]) - offset[0]
+        return PanelMaps(scale, offset - scale * arrays.nudge_px)
+
+
+@dataclass(frozen=True, slots=True)
+class OnShape:
+    """The image on a shape in the room, seen through the panels from one eye point.
+
+    Parameters
+    ----------
+    kind
+        ``plane``: the image spans ``across`` and ``down`` from its top left corner ``origin_m``.
+        ``cylinder``: around the axis through ``origin_m`` along ``-down``; ``across`` points at the image's
+        middle, its length is the radius; the image's height is the length of ``down``, centred.
+        ``ellipsoid``: centred on ``origin_m``; ``across`` is the half axis toward the image's middle, ``down``
+        the half axis to its lower edge; the image is equirectangular.
+    depth
+        The third half axis (cylinder, ellipsoid), toward the image's right; ``None`` for a round shape.
+    turn_deg
+        How much of the circle the image's width covers (cylinder, ellipsoid).
+    eye_m
+        The eye point; ``None`` takes the first viewer's.
+    """
+
+    kind: Literal["plane", "cylinder", "ellipsoid"]
+    origin_m: Vec3
+    across: Vec3
+    down: Vec3
+    depth: Vec3 | None = None
+    turn_deg: float = 360.0
+    eye_m: Vec3 | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            for name in ("origin_m", "across", "down"):
+                object.__setattr__(self, name, as_vec3(getattr(self, name), name))
+        except ValueError as error:
+            raise InputError(f"placement on a {self.kind}: {error}") from None
+        if not 0 < self.turn_deg <= 360:
+            raise InputError(
+                f"placement on a {self.kind}: turn_deg must lie above 0 and at most at 360, got {self.turn_deg}"
+            )
+        if abs(np.linalg.det(self.frame())) < 1e-12:
+            raise InputError(f"placement on a {self.kind}: across, down and depth must not lie in one plane")
+
+    @property
+    def bends(self) -> bool:
+        """Whether what is seen at a pixel has to be found for every pixel."""
+        return True
+
+    def frame(self) -> Floats:
+        """Columns: unit axes of the shape's own frame (x right, y down, z toward the image's middle), shape (3, 3)."""
+        across, down = np.array(self.across), np.array(self.down)
+        if self.kind == "plane":
+            normal = np.cross(across, down)
+            return np.stack([across, down, normal / max(float(np.linalg.norm(normal)), 1e-300)], axis=1)
+        if self.depth is not None:
+            right = np.array(self.depth)
+        else:
+            right = np.cross(down, across)
+            right = right / max(float(np.linalg.norm(right)), 1e-300) * np.linalg.norm(across)
+        return np.stack([right, down / (2 if self.kind == "cylinder" else 1), across], axis=1)
+
+    def local_from_room(self) -> Floats:
+        """4 x 4 affine map to the shape's own frame, where plane, cylinder and sphere have size one."""
+        inverse = np.linalg.inv(self.frame())
+        matrix = np.eye(4)
+        matrix[:3, :3] = inverse
+        matrix[:3, 3] = -inverse @ np.array(self.origin_m)
+        return matrix
+
+    def local_eye(self, eye_m: Vec3 | None) -> Floats:
+        """The eye point (the shape's own, else ``eye_m``) in the shape's frame, shape (3,).
+
+        Raises
+        ------
+        InputError
+            If there is neither.
+        """
+        eye = self.eye_m or eye_m
+        if eye is None:
+            raise InputError(f"an image on a {self.kind} needs an eye point: give the placement's eye_m or a viewer")
+        local = self.local_from_room()
+        return np.asarray(local[:3, :3] @ np.array(eye) + local[:3, 3])
+
+
+Placement: TypeAlias = OnSurface | OnShape
+
+_GRAZING = 1e-6
+_BEZEL_M = 0.1
+"""How far beside a panel a pointer still points at it: across bezels, lenses go on."""
+
+
+def texel_pointed_at(display: Display, maps: PanelMaps, pointer: Pointer) -> tuple[float, float] | None:
+    """The place of an image on the display's surface, without lenses, that a pointer points at; None beside it.
+
+    Of several panels in line the one whose pixels are nearest to the line, and of these the first.
+    """
+    hand, line = np.array(pointer.position_m), np.array(pointer.direction)
+    front = np.flatnonzero(display.normals @ line < -_GRAZING)
+    arrays = display.arrays
+    origin, normal, pitch = arrays.origin_m[front], display.normals[front], arrays.pitch_m[front]
+    away = ((origin - hand) * normal).sum(axis=1) / (normal @ line)
+    meets = hand + away[:, None] * line - origin
+    axes = np.stack([arrays.right[front], arrays.down[front]], axis=1)
+    place = np.einsum("pki,pi->pk", axes, meets) / pitch
+    beside_m = np.linalg.norm(np.maximum(np.maximum(-place, place - arrays.size_px[front]), 0) * pitch, axis=1)
+    hit = np.flatnonzero((away > 0) & (beside_m <= _BEZEL_M))
+    if not len(hit):
+        return None
+    first = hit[np.lexsort((away[hit], beside_m[hit]))[0]]
+    x, y = place[first] * maps.scale[front[first]] + maps.offset[front[first]]
+    return float(x), float(y)
+
+
+def carried_lenses(
+    display: Display, maps: PanelMaps, pointers: Sequence[Pointer], lenses: Sequence[Lens]
+) -> tuple[Lens, ...]:
+    """Lenses, each moved to where each pointer points; none for a pointer that points beside the display."""
+    places = [texel_pointed_at(display, maps, pointer) for pointer in pointers]
+    return tuple(replace(lens, centre_px=place) for place in places if place is not None for lens in lenses)
+
+
+def one_to_one_size_px(display: Display) -> tuple[int, int]:
+    """Size of the image that covers a display's surface texel for pixel."""
+    pitch = display.pitch_m
+    surface = display.surface
+    return (max(1, round(surface.width / pitch)), max(1, round(surface.height / pitch)))
+
+
+_FILLS = 0.8
+"""Share of the display that a mesh fills unless told otherwise."""
+
+Arrangement: TypeAlias = Literal["wall", "object", "room"]
+
+_WALL = 0.75
+"""Length of the mean normal from which a display counts as a wall whatever its size."""
+
+_PERSON_M = np.array([1.2, 1.5, 1.2])
+"""Least width, height and depth of what a person can stand in."""
+
+
+def arrangement_of(display: Display) -> Arrangement:
+    """How people are with a display: before a ``wall``, around an ``object``, or inside a ``room``.
+
+    Panels of an object face away from its middle. Others make a room if they face several ways and a person has
+    room between them (a CAVE), else a wall: a desk has an inside too, but nobody stands in it.
+    """
+    low, high = display.bounds_m
+    middle = (low + high) / 2
+    if float(np.linalg.norm(display.facing)) > _WALL:
+        return "wall"
+    normals = np.array([panel.normal for panel in display.panels])
+    centres = np.array([panel.centre_m for panel in display.panels])
+    if float(np.sum(normals * (centres - middle))) > 0:
+        return "object"
+    return "room" if bool(np.all(high - low >= _PERSON_M)) else "wall"
+
+
+def facing_of_wall(display: Display) -> Floats:
+    """Unit vector toward where a wall is looked at from, shape (3,).
+
+    At most 50 degrees above the horizon, and then from +z: nobody hangs over a table.
+    """
+    facing = display.facing
+    strength = float(np.linalg.norm(facing))
+    if strength < 1e-6:
+        return np.array([0.0, 0.0, 1.0])
+    across, up = facing * [1, 0, 1] / strength, float(facing[1]) / strength
+    steepest = math.sin(math.radians(50))
+    if abs(up) <= steepest:
+        return np.asarray(facing / strength)
+    level = float(np.linalg.norm(across))
+    across = across / level if level > 0.1 else np.array([0.0, 0.0, 1.0])
+    return np.asarray(across * math.cos(math.radians(50)) + [0, math.copysign(steepest, up), 0])
+
+
+def middle_of_wall(display: Display) -> Floats:
+    """Mean of the panels' middles weighted by area, shape (3,): behind it are panels, also of a desk with a hole."""
+    areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in display.panels])
+    centres = np.array([panel.centre_m for panel in display.panels])
+    return np.asarray((centres * areas[:, None]).sum(axis=0) / areas.sum())
+
+
+def mesh_stand(display: Display, size_m: float | None = None) -> tuple[Vec3, float]:
+    """Where a mesh stands unless its user says: the place of its middle, and its largest extent, metres.
+
+    Inside an object; just behind a wall, as far as it reaches; in a room, behind the panels that the room opens
+    toward (-z, where all look alike). It fills most of the second largest extent of an object or a wall, and of the
+    height of a room.
+
+    Parameters
+    ----------
+    size_m
+        Its largest extent, where the user says; a larger one stands farther behind the panels.
+    """
+    low, high = display.bounds_m
+    middle, extents = (low + high) / 2, high - low
+    arrangement = arrangement_of(display)
+    fitted = float(extents[:2].min()) if arrangement == "room" else float(np.sort(extents)[1])
+    size = _FILLS * fitted if size_m is None else size_m
+    if arrangement == "wall":
+        middle = middle_of_wall(display) - facing_of_wall(display) * size / 2
+    elif arrangement == "room":
+        middle = middle - np.array([0, 0, extents[2] / 2 + size / 2])
+    return as_vec3(middle, "middle"), size
+
+
+def mesh_in_room(
+    bounds: NDArray[np.floating[Any]],
+    display: Display,
+    *,
+    size_m: float | None = None,
+    at_m: Vec3 | None = None,
+    up: Literal["y", "z"] = "y",
+    turn_deg: float = 0.0,
+    tilt_deg: float = 0.0,
+) -> Floats:
+    """Affine map from a mesh's coordinates to the room, metres, shape (4, 4).
+
+    Parameters
+    ----------
+    bounds
+        Smallest and largest coordinates of the mesh, shape (2, 3).
+    display
+        The whole installation: what a part of it shows must not depend on which part it is.
+    size_m
+        Its largest extent in the room; by default that of `mesh_stand`.
+    at_m
+        Place of the middle of its bounds; by default that of `mesh_stand`.
+    up
+        Which of the mesh's axes points up.
+    turn_deg
+        Turned about the vertical, counter-clockwise from above.
+    tilt_deg
+        Then tilted toward who stands before it: at 90 degrees it is seen from above.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no extent, or ``size_m`` is not positive.
+    """
+    low, high = np.asarray(bounds, dtype=float)
+    extent = float((high - low).max())
+    if not extent > 0:
+        raise InputError("the mesh is a single point: it has no size to be shown at")
+    if size_m is not None and not 0 < size_m < math.inf:
+        raise InputError(f"a mesh's size must be a positive number of metres, got {size_m}")
+    middle, size = mesh_stand(display, size_m)
+    frame = np.eye(3) if up == "y" else np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+    turn = math.radians(turn_deg)
+    about = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
+    tilt = math.radians(tilt_deg)
+    leaning = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
+    matrix = np.eye(4)
+    matrix[:3, :3] = leaning @ about @ frame * (size / extent)
+    matrix[:3, 3] = np.array(middle if at_m is None else at_m) - matrix[:3, :3] @ ((low + high) / 2)
+    return matrix
+
+
+def motion_of(room_from_content: Callable[[float], Floats], time_s: float) -> Floats:
+    """How places of the room move, at a time, with what stands by a map (4, 4) of time: (3, 4), see `Tolerance`."""
+    here = np.linalg.inv(room_from_content(time_s))
+    later, earlier = (room_from_content(time_s + step_s) for step_s in (_STEP_S, -_STEP_S))
+    return np.asarray(((later - earlier) @ here / (2 * _STEP_S))[:3])
