@@ -16,7 +16,9 @@ from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt, pack
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.layers.common import panel_uniforms as rows
+from limen.layers.common.panel_uniforms import PANEL_VIEW
+from limen.study.baselines.sort_paper import PAPER_FRAME
+from limen.study.baselines.sort_whole import OCTREE_FRAME
 from limen.viewing.projection import GUARD_PX, Windows
 
 pytestmark = pytest.mark.gpu
@@ -26,7 +28,7 @@ PLACE = np.array([[0.4, 0, 0, 0], [0, 0.4, 0, 1.2], [0, 0, 0.4, 0], [0, 0, 0, 1.
 
 def found_pairs(device: Any, method: Any, display: Display, eyes: Any, mesh: Any, **options: Any) -> Any:
     """(pairs, views) of one quilt with all panels."""
-    from limen.layers.mesh.draw import METHODS
+    from limen.study.bench_panels import METHODS
 
     (quilt,) = pack(display, max_size_px=8192)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
@@ -41,13 +43,11 @@ def found_pairs(device: Any, method: Any, display: Display, eyes: Any, mesh: Any
     return found, views
 
 
-@pytest.mark.parametrize(
-    ("file", "frame"), [("sort_paper.wgsl", rows.PAPER_FRAME), ("sort_octree.wgsl", rows.OCTREE_FRAME)]
-)
+@pytest.mark.parametrize(("file", "frame"), [("sort_paper.wgsl", PAPER_FRAME), ("sort_octree.wgsl", OCTREE_FRAME)])
 def test_the_shaders_have_the_dtypes_structs(file: str, frame: Any) -> None:
     text = re.sub(r"^\s*//.*\n", "", shader_text("limen.study.baselines", file), flags=re.MULTILINE)
     assert wgsl_struct("Frame", frame) in text
-    assert wgsl_struct("PanelView", rows.PANEL_VIEW) in text
+    assert wgsl_struct("PanelView", PANEL_VIEW) in text
 
 
 @pytest.mark.parametrize("size_m", [0.003, 0.05, 0.5, 5.0])
@@ -149,7 +149,8 @@ def lit_px(display: Display, quilt: Quilt) -> Any:
 @pytest.mark.parametrize("clip", [True, False])
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "stairs"])
 def test_all_ways_draw_the_same_picture(device: Any, name: str, clip: bool) -> None:
-    from limen.layers.mesh.draw import METHODS, SceneLayer
+    from limen.layers.mesh.draw import SceneLayer
+    from limen.study.bench_panels import METHODS
 
     display, eye = DISPLAYS[name]
     eyes = np.array(eye) + np.array([[0, 0, 0], [0.06, 0, 0]])
@@ -158,7 +159,7 @@ def test_all_ways_draw_the_same_picture(device: Any, name: str, clip: bool) -> N
     mesh = torus_knot(2_000)
     pictures = {}
     for method in METHODS:
-        layer = SceneLayer(device, mesh, method=method, clip=clip)
+        layer = SceneLayer(device, mesh, sorter=METHODS[method], clip=clip)
         layer.sort(windows, eyes, PLACE)
         pictures[method] = layer.read(layer.draw(windows)).astype(int)
         layer.destroy()

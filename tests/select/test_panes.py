@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from limen.layers.common.budget import eye_rows
-from limen.layers.points.kernels import _least_allowed_m
+from limen.layers.common.sphere_kernels import least_allowed_m
 from limen.viewing.tolerance import Tolerance
 
 
@@ -36,8 +36,8 @@ def test_a_sphere_is_allowed_no_more_than_its_places(seed: int, radius: float, m
     inside *= radius * rng.uniform(0, 1, (500, 1)) ** (1 / 3) / np.linalg.norm(inside, axis=1, keepdims=True)
     rows = eye_rows(tolerance, eye_m)
     assert rows.shape == (2, 20 if moves else 8)
-    allowed = _least_allowed_m(*(middle - eye_m), radius, rows)
+    allowed = least_allowed_m(*(middle - eye_m), radius, rows)
     assert allowed <= tolerance.allowed_m(middle + inside).min() * (1 + 1e-9)
-    place = _least_allowed_m(*(middle - eye_m), 0.0, rows)
+    place = least_allowed_m(*(middle - eye_m), 0.0, rows)
     assert place == pytest.approx(float(tolerance.allowed_m(middle)), rel=1e-6)
     assert place >= float(replace(tolerance, motion=np.zeros((2, 3, 4))).allowed_m(middle)) * (1 - 1e-9)

@@ -26,9 +26,10 @@ from limen.data.pages import Pyramid
 from limen.errors import InputError
 from limen.stream.fetch import Fetcher
 
-__all__ = ["FADE_S", "Drawable", "PageSource", "PageTable", "Statistics", "Stream", "Update", "Upload"]
+__all__ = ["FADE_S", "Drawable", "PageSource", "PageTable", "Statistics", "Stream", "Update", "Upload", "page_table"]
 
 FADE_S = 0.2
+_NO_PAGE = 0xFFFF_FFFF
 """How long a page that came late takes to replace the coarser one shown in its place: a change of 2.5 Hz, at which the
 eye is no more sensitive to fine detail than if it stood still (castleCSF, Ashraf et al. 2024)."""
 
@@ -315,3 +316,10 @@ class Stream:
             placed.append(Upload(slot, texels))
         self._version += bool(placed)
         return placed
+
+
+def page_table(table: PageTable) -> NDArray[np.uint32]:
+    """One number a page: slot (20 bits), how much has faded in (7 bits), how many levels coarser (5 bits)."""
+    fade = np.rint(table.fade * 127).astype(np.int64)
+    packed = (table.slot.astype(np.int64) << 12) | (fade << 5) | table.coarser
+    return np.where(table.slot < 0, _NO_PAGE, packed).astype(np.uint32)

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -31,7 +31,11 @@ from limen.display.packing import pack_outlines
 from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.layers.mesh.draw import METHODS, Method, SceneLayer
+from limen.layers.mesh.draw import SceneLayer
+from limen.layers.mesh.sort import TriangleSorter
+from limen.layers.mesh.sorter import Sorter
+from limen.study.baselines.sort_paper import PaperSorter
+from limen.study.baselines.sort_whole import OctreeSorter, WholeScene
 from limen.viewing.projection import Windows
 
 __all__ = ["DISPLAYS", "Budget", "PanelsRow", "Point", "Stage", "aims", "bench_panels", "measure", "points", "stage"]
@@ -49,6 +53,15 @@ DISPLAYS: dict[str, tuple[str, dict[str, float]]] = {
     "sphere": ("sphere", {}),
 }
 """Shapes and their parameters; the icosphere's 1,280 panels have aims of their own."""
+
+Method: TypeAlias = Literal["limen", "paper", "hierarchy", "per-panel"]
+METHODS: dict[Method, type[Sorter]] = {
+    "limen": TriangleSorter,
+    "paper": PaperSorter,
+    "hierarchy": OctreeSorter,
+    "per-panel": WholeScene,
+}
+"""Ways to find the panels of a triangle: limen's own, and those that it is compared with."""
 
 _EVERY: tuple[Method, ...] = tuple(METHODS)
 _TWO: tuple[Method, ...] = ("limen", "paper")
@@ -293,7 +306,7 @@ class _Scene:
         DeviceLimitError
             If the adapter has too little memory for it.
         """
-        layer = SceneLayer(self.device, self.mesh, method=method)
+        layer = SceneLayer(self.device, self.mesh, sorter=METHODS[method])
         try:
             self.frame(layer, next(self.stage.eyes_m(1)))
         except BaseException:

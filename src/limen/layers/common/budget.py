@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.layers.points.kernels import BINS, BINS_PER_OCTAVE, LOWEST_OCTAVE
+from limen.layers.common.sphere_kernels import BINS, BINS_PER_OCTAVE, LOWEST_OCTAVE
 from limen.viewing.projection import PanelViews
 from limen.viewing.tolerance import Tolerance
 

@@ -27,7 +27,7 @@ from limen.layers.image import uniforms as records
 from limen.layers.image.cut import Cut
 from limen.layers.image.lens_mesh import LensMesh
 from limen.layers.image.select import View
-from limen.stream.pages import Drawable, PageTable, Stream
+from limen.stream.pages import Drawable, PageTable, Stream, page_table
 from limen.viewing.placement import OnSurface
 from limen.viewing.projection import Windows
 from limen.viewing.tolerance import Tolerance
@@ -249,7 +249,7 @@ class ImageLayer:
         buffers["panels"].write(self._panel_rows(quilt, eye_m))
         buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
         if drawable.table is not None and drawable.table is not self._table_of:
-            buffers["table"].write(records.page_table(drawable.table))
+            buffers["table"].write(page_table(drawable.table))
             self._table_of = drawable.table
         if drawable.pairs is None:
             return len(quilt.panels), 0

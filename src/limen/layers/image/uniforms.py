@@ -21,7 +21,7 @@ from limen.layers.common.page_detail import BLEND_LEVELS
 from limen.layers.image.cut import Cut
 from limen.layers.image.lens_cells import first_pixel
 from limen.layers.image.select import View, shape_kind
-from limen.stream.pages import Drawable, PageTable
+from limen.stream.pages import Drawable
 from limen.viewing.lens import rows_of, sharpest_bend
 from limen.viewing.placement import OnShape, PanelMaps
 from limen.viewing.tolerance import Tolerance
@@ -39,7 +39,6 @@ __all__ = [
     "level_rows",
     "log2_tau",
     "page_quads",
-    "page_table",
     "panel_rows",
 ]
 
@@ -103,7 +102,6 @@ PAGE_QUAD = np.dtype(
 LEVEL = np.dtype([("columns", "<u4"), ("rows", "<u4"), ("first_page", "<u4"), ("padding", "<u4"), ("colour", "<f4", 4)])
 
 _THROUGH_LENSES = 4
-_NO_PAGE = 0xFFFF_FFFF
 _ALWAYS = 1000.0
 _RAINBOW_LEVELS = 8
 _VIOLET_HUE = 0.78
@@ -257,13 +255,6 @@ def _ramps(view: View, cut: Cut, panel: Index, page: Index, level: Index, cell: 
 def log2_tau(tau: Floats) -> Floats:
     """For the shader: -1000 where nothing finer is ever drawn."""
     return np.where(tau > 0, np.log2(np.maximum(tau, 1e-300)), -_ALWAYS)
-
-
-def page_table(table: PageTable) -> NDArray[np.uint32]:
-    """One number a page: slot (20 bits), how much has faded in (7 bits), how many levels coarser (5 bits)."""
-    fade = np.rint(table.fade * 127).astype(np.int64)
-    packed = (table.slot.astype(np.int64) << 12) | (fade << 5) | table.coarser
-    return np.where(table.slot < 0, _NO_PAGE, packed).astype(np.uint32)
 
 
 def _outline_edges(panel: Panel) -> Floats:

@@ -21,27 +21,16 @@ from limen.gpu.shader import load_shader
 from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
 from limen.layers.common.lighting import AMBIENT, TOWARD_LIGHT
 from limen.layers.common.matching import PanelMatching
-from limen.layers.common.panel_uniforms import corner_rows, scene_row
 from limen.layers.mesh.sort import TriangleSorter
 from limen.layers.mesh.sorter import Sorter
 from limen.layers.mesh.textures import upload_textures
-from limen.study.baselines.sort_paper import PaperSorter
-from limen.study.baselines.sort_whole import OctreeSorter, WholeScene
+from limen.layers.mesh.uniforms import corner_rows, scene_row
 from limen.viewing.choices import Depth
 from limen.viewing.projection import NEAR_M, Windows
 
-__all__ = ["DEPTH_FORMAT", "METHODS", "QUILT_FORMAT", "Depth", "Method", "SceneLayer", "SceneOverlay"]
+__all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "Depth", "SceneLayer", "SceneOverlay"]
 
 SceneOverlay: TypeAlias = Literal["panels", "simplified"]
-Method: TypeAlias = Literal["limen", "paper", "hierarchy", "per-panel"]
-
-METHODS: dict[Method, type[Sorter]] = {
-    "limen": TriangleSorter,
-    "paper": PaperSorter,
-    "hierarchy": OctreeSorter,
-    "per-panel": WholeScene,
-}
-"""Ways to find the panels of a triangle: limen's own, and those that it is compared with."""
 
 _OVERLAYS: dict[SceneOverlay | None, int] = {None: 0, "panels": 1, "simplified": 0}
 _NUMBERS = {
@@ -64,8 +53,8 @@ class SceneLayer:
         Clip by distances where the adapter can; False cuts in the fragment stage, with the same picture.
     first_pairs
         See `limen.layers.mesh.sorter.Sorter`.
-    method
-        How triangles are sorted to panels: one of `METHODS`, which all draw the same picture.
+    sorter
+        How triangles find their panels; all ways draw the same picture.
 
     Raises
     ------
@@ -81,11 +70,11 @@ class SceneLayer:
         background: tuple[float, float, float] = (0.0, 0.0, 0.0),
         clip: bool = True,
         first_pairs: int | None = None,
-        method: Method = "limen",
+        sorter: type[Sorter] = TriangleSorter,
     ) -> None:
         self._device = device
         self._background = (*background, 1.0)
-        self.sorter = METHODS[method](device, mesh.positions, mesh.triangles, first_pairs=first_pairs)
+        self.sorter = sorter(device, mesh.positions, mesh.triangles, first_pairs=first_pairs)
         self._has_holes = bool((mesh.colours[:, 3] < 128).any() or (mesh.textures[..., 3] < 128).any())
         self._clips = clip and device.can_clip and not self._has_holes
         self._fragments = load_shader(device, "limen.layers.mesh", "scene.wgsl")

@@ -10,8 +10,16 @@ import math
 import numpy as np
 
 from limen.compiled import compiled
+from limen.layers.common.sphere_kernels import (
+    bin_of,
+    code_of,
+    contrast_of,
+    diameter_px,
+    is_outside,
+    least_allowed_m,
+    lit_range,
+)
 from limen.layers.mesh.facing import DIRECTIONS
-from limen.layers.points.kernels import _is_outside, _least_allowed_m, _lit_range, _pixels, bin_of, code_of, contrast_of
 
 _UNFOLDED = -1
 
@@ -88,8 +96,8 @@ def shading_code(code, toward_light, toward_eye, spread, margin, ambient):
     Colours differ by ``code``; light and colours multiply, so their ratios do.
     """
     sign = 1.0 if toward_eye >= 0.0 else -1.0  # both sides are seen, each lit as the front
-    low, high = _lit_range(sign * toward_light, spread, False)
-    head_low, head_high = _lit_range(toward_eye, spread + margin, True)
+    low, high = lit_range(sign * toward_light, spread, False)
+    head_low, head_high = lit_range(toward_eye, spread + margin, True)
     share = 0.5 * (1.0 - ambient)
     shown = ambient + share * (max(sign * toward_light, 0.0) + abs(toward_eye))
     least, most = ambient + share * (low + head_low), ambient + share * (high + head_high)
@@ -247,9 +255,9 @@ def fold(
         reach = radius[inner] * size
         pixels, seen = 0.0, False
         for panel in range(panels.shape[0]):
-            if not _is_outside(x, y, z, reach, panels[panel]):
+            if not is_outside(x, y, z, reach, panels[panel]):
                 seen = True
-                pixels = max(pixels, _pixels(x, y, z, reach, panels[panel]))
+                pixels = max(pixels, diameter_px(x, y, z, reach, panels[panel]))
         k = 0.0
         if seen:
             k = pixels
@@ -262,7 +270,7 @@ def fold(
                 if seen_m == 0.0:
                     k = 0.0
                 else:
-                    allowed = _least_allowed_m(x, y, z, reach, eyes)
+                    allowed = least_allowed_m(x, y, z, reach, eyes)
                     if allowed > 0.0:
                         k = min(pixels, seen_m / allowed)
         k = min(k, best)

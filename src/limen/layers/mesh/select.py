@@ -31,11 +31,11 @@ from limen.geometry import Floats
 from limen.layers.common.budget import budget_limit, eye_rows, panel_rows
 from limen.layers.common.contrast_scale import shares_of_codes
 from limen.layers.common.lighting import AMBIENT, TOWARD_LIGHT
+from limen.layers.common.sphere_kernels import BINS
 from limen.layers.mesh.bend_kernels import MOMENTS, nest, ripples, star_moments
 from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import CREST, count_left, deaths, emit, fold, spreads
 from limen.layers.mesh.holes import Covers, covers_of, openings_of
-from limen.layers.points.kernels import BINS
 from limen.system import worker_count
 from limen.viewing.projection import PanelViews
 from limen.viewing.tolerance import COUNTED, Policy, Tolerance

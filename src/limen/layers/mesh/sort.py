@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.layers.common.panel_uniforms import grid_words, sort_frame, view_rows
+from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.mesh.directions import direction_grid
 from limen.layers.mesh.sorter import DRAW_OFFSET, GROUP, Groups, Parts, Sorter, Steps
+from limen.layers.mesh.uniforms import grid_words, sort_frame
 from limen.viewing.projection import PanelViews
 
 __all__ = ["DRAW_OFFSET", "TriangleSorter"]

@@ -29,7 +29,8 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.layers.common.budget import budget_limit, eye_rows, panel_rows
 from limen.layers.common.lighting import AMBIENT, TOWARD_LIGHT
-from limen.layers.points.kernels import BINS, cut_chunks, cut_tops
+from limen.layers.common.sphere_kernels import BINS
+from limen.layers.points.kernels import cut_chunks, cut_tops
 from limen.system import worker_count
 from limen.viewing.projection import PanelViews
 from limen.viewing.tolerance import COUNTED, Policy, Tolerance

@@ -24,15 +24,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.layers.common.panel_uniforms import PAPER_FRAME, view_rows
+from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.mesh.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.study.baselines.octree import LEAVES, Octree
 from limen.viewing.projection import GUARD_PX, PanelViews
 
-__all__ = ["PaperSorter"]
+__all__ = ["PAPER_FRAME", "PaperSorter"]
 
 _VERTEX_BYTES = 32
 _COPY_OFFSET = 32  # of the workgroups of `copy` in `arguments`, bytes
+
+PAPER_FRAME = np.dtype(
+    [
+        ("vertices", "<u4"),
+        ("triangles", "<u4"),
+        ("panels", "<u4"),
+        ("pair_capacity", "<u4"),
+        ("eyes", "<u4"),
+        ("padding_a", "<u4"),
+        ("padding_b", "<u4"),
+        ("padding_c", "<u4"),
+        ("leaves_per_m", "<f4", 4),
+        ("eye_leaves", "<f4", (2, 4)),
+        ("eye_from_mesh", "<f4", (6, 4)),
+        ("camera", "<f4", (6, 4)),
+    ]
+)
 
 
 class PaperSorter(Sorter):

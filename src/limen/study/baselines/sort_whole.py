@@ -20,16 +20,30 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.layers.common.panel_uniforms import OCTREE_FRAME, view_rows
+from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.mesh.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.study.baselines.octree import LEAVES
 from limen.viewing.projection import PanelViews, Windows
 
-__all__ = ["OctreeSorter", "WholeScene"]
+__all__ = ["OCTREE_FRAME", "OctreeSorter", "WholeScene"]
 
 _FIRST_MEMBERS = 4  # leaves a triangle that room is made for at first
 _FIRST_MEMBERS_IN_ALL = 8_192
 _HIT_BYTES = 16
+
+OCTREE_FRAME = np.dtype(
+    [
+        ("vertices", "<u4"),
+        ("triangles", "<u4"),
+        ("panels", "<u4"),
+        ("pair_capacity", "<u4"),
+        ("eyes", "<u4"),
+        ("member_capacity", "<u4"),
+        ("padding_a", "<u4"),
+        ("padding_b", "<u4"),
+        ("eye_from_mesh", "<f4", (6, 4)),
+    ]
+)
 
 
 class _SceneSorter(Sorter):
