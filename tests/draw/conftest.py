@@ -101,7 +101,7 @@ class Studio:
     ) -> dict[str, NDArray[np.uint8]]:
         """The picture of every panel by its name."""
         from limen.display.quilt import pack, pieces
-        from limen.layers.image.draw import ImageLayer, drawable_of
+        from limen.layers.image.draw.drawer import ImageLayer, drawable_of
         from limen.layers.image.select import select, view_of
 
         view = view_of(display, image.pyramid, placement, detail)

@@ -13,8 +13,8 @@ from limen.display.panel import Panel
 from limen.display.quilt import pack
 from limen.layers.common.page_detail import KEPT
 from limen.layers.image import select as selector
-from limen.layers.image import uniforms as records
-from limen.layers.image.draw import ImageLayer, drawable_of
+from limen.layers.image.draw import uniforms as records
+from limen.layers.image.draw.drawer import ImageLayer, drawable_of
 from limen.layers.image.select import select, view_of
 from limen.viewing.placement import OnShape, OnSurface
 from limen.viewing.tolerance import Policy, tolerance_of

@@ -37,7 +37,7 @@ def mesh_of(positions: NDArray[Any], colours: NDArray[Any]) -> Mesh:
 
 def drawn(device: Any, display: Display, mesh: Mesh, depth: Any, eye: Any = EYE) -> Any:
     """(picture, depth, windows)"""
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
 
     (quilt,) = pack_outlines(display)
     windows = Windows(display, quilt)

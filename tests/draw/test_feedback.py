@@ -11,7 +11,7 @@ from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.layers.common.page_detail import reduced_detail
-from limen.layers.image.feedback import Feedback
+from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.select import select, view_of
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnShape, OnSurface

@@ -14,7 +14,7 @@ from tests.draw.test_lenses import LENSES, picture, wall, waves
 from limen.data.pages import Pyramid
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.layers.image import lens_mesh
+from limen.layers.image.draw import lens_mesh
 from limen.layers.image.lens_cells import NOBODY
 from limen.layers.image.renderer import Renderer
 from limen.layers.image.select import view_of
@@ -201,7 +201,7 @@ def test_the_overlay_shows_where_what_is_seen_does_not_belong(studio: Any, memor
 
 
 def test_rows_are_laid_out_as_the_shader_reads_them() -> None:
-    text = shader_text("limen.layers.image", "lens_mesh.wgsl")
+    text = shader_text("limen.layers.image.draw", "lens_mesh.wgsl")
     plain = "\n".join(line for line in text.splitlines() if not line.strip().startswith("//"))
     assert wgsl_struct("LensCell", lens_mesh.LENS_CELL) in plain
     assert wgsl_struct("Corner", lens_mesh.CORNER) in plain

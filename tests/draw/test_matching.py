@@ -143,7 +143,7 @@ def terrain(tools: Tools, display: Display) -> Pictures:
 
 def mesh(tools: Tools, display: Display) -> Pictures:
     """A small square before a coloured background."""
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
 
     (quilt,) = pack_outlines(display)
     windows = Windows(display, quilt)
@@ -156,7 +156,7 @@ def mesh(tools: Tools, display: Display) -> Pictures:
 
 def points(tools: Tools, display: Display) -> Pictures:
     """A ball before a coloured background."""
-    from limen.layers.points.draw import PointsLayer
+    from limen.layers.points.draw.drawer import PointsLayer
 
     (quilt,) = pack_outlines(display)
     windows = Windows(display, quilt)
@@ -216,7 +216,7 @@ def test_an_image_that_nobody_looks_at_has_its_gain_alone(tools: Tools) -> None:
 
 
 def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> None:
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
 
     eyes = EYE + np.array([[-0.05, 0.0, 0.0], [0.05, 0.0, 0.0]])
     pictures = {}
@@ -242,7 +242,7 @@ def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> N
 def test_a_simulated_display_shows_gain_once_and_falloff_as_the_viewer_gets_it(device: Any) -> None:
     """Seen from where it was drawn for, a white panel is evenly bright: gain times the light at its dimmest corner."""
     from limen.layers.common.simulator import LitDisplay
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
 
     (quilt,) = pack_outlines(MATCHED_PAIR)
     windows = Windows(MATCHED_PAIR, quilt)

@@ -11,10 +11,10 @@ import pytest
 from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
 from limen.errors import InputError
-from limen.layers.image.draw import ImageLayer, drawable_of
-from limen.layers.image.feedback import Feedback
+from limen.layers.image.draw.drawer import ImageLayer, drawable_of
+from limen.layers.image.draw.feedback import Feedback
+from limen.layers.image.draw.uniforms import level_colours
 from limen.layers.image.select import select, view_of
-from limen.layers.image.uniforms import level_colours
 from limen.viewing.placement import OnShape, OnSurface
 from limen.viewing.tolerance import Policy, tolerance_of
 

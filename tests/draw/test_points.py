@@ -18,8 +18,8 @@ from limen.errors import InputError
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.common.panel_uniforms import PANEL_VIEW
-from limen.layers.points import uniforms as records
-from limen.layers.points.draw import METHODS, PointsLayer, Shape
+from limen.layers.points.draw import uniforms as records
+from limen.layers.points.draw.drawer import METHODS, PointsLayer, Shape
 from limen.viewing.projection import Windows
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
@@ -132,7 +132,7 @@ def test_a_point_of_no_size_has_a_pixel(device: Any) -> None:
 
 
 def test_structs_are_what_the_shaders_say() -> None:
-    texts = [shader_text("limen.layers.points", name) for name in ("points.wgsl", "points_wide.wgsl")]
+    texts = [shader_text("limen.layers.points.draw", name) for name in ("points.wgsl", "points_wide.wgsl")]
     for name, dtype in (("Cloud", records.CLOUD), ("Rays", records.RAYS), ("Placed", records.PLACED)):
         fields = wgsl_struct(name, dtype).splitlines()
         for text in texts:

@@ -67,7 +67,7 @@ def depth_in_outlines(display: Display, quilt: Quilt, rows: Any) -> NDArray[np.f
 
 def draw(device: Any, mesh: Mesh, display: Display, eyes: Any, *, clip: bool = True, **options: Any) -> Any:
     """The one quilt's pixels and depths."""
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
 
     quilt = quilt_of(display)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
@@ -264,7 +264,7 @@ def test_a_mesh_moves_between_frames(device: Any) -> None:
 
 
 def test_turned_quilts_show_the_same_pictures(device: Any) -> None:
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
 
     display = facing_panel((320, 240))
     mesh = knot(display, 4000)
@@ -339,7 +339,7 @@ def halved(image: NDArray[np.uint8], factor: int) -> NDArray[np.float64]:
 def test_the_eye_sees_the_scene_as_if_the_display_were_not_there(device: Any, name: str) -> None:
     """Through the lit display against a picture drawn from the eye directly, inside panels and along their borders."""
     from limen.layers.common.simulator import LitDisplay
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
     from limen.viewing.camera import Camera
 
     display, eye = DISPLAYS[name]

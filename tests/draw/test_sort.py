@@ -89,7 +89,7 @@ def soup(rng: np.random.Generator, count: int, size_m: float, middle: Any, sprea
 
 def gpu_pairs(device: Any, display: Display, eyes: Any, positions: Any, triangles: Any, **options: Any) -> Any:
     """(list of pairs for each eye, views, ways) of one quilt with all panels."""
-    from limen.layers.mesh.sort import TriangleSorter
+    from limen.layers.mesh.draw.sort import TriangleSorter
 
     (quilt,) = pack(display, max_size_px=8192)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
@@ -176,7 +176,7 @@ def test_an_eye_that_no_panel_faces_sees_nothing(device: Any) -> None:
 
 def test_a_mesh_of_no_end_is_refused(device: Any) -> None:
     from limen.errors import DeviceLimitError
-    from limen.layers.mesh.sort import TriangleSorter
+    from limen.layers.mesh.draw.sort import TriangleSorter
 
     many = np.zeros((12_000_000, 3), np.uint32)
     with pytest.raises(DeviceLimitError, match="simplify"):

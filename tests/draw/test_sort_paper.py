@@ -149,7 +149,7 @@ def lit_px(display: Display, quilt: Quilt) -> Any:
 @pytest.mark.parametrize("clip", [True, False])
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "stairs"])
 def test_all_ways_draw_the_same_picture(device: Any, name: str, clip: bool) -> None:
-    from limen.layers.mesh.draw import SceneLayer
+    from limen.layers.mesh.draw.drawer import SceneLayer
     from limen.study.bench_panels import METHODS
 
     display, eye = DISPLAYS[name]

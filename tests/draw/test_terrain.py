@@ -78,7 +78,7 @@ class Stage:
 
     def __init__(self, device: Any, land: GridLand, *, drape: Any = None, clip: bool = True) -> None:
         from limen.gpu.pool import PagePool
-        from limen.layers.terrain.draw import Drape, TerrainLayer
+        from limen.layers.terrain.draw.drawer import Drape, TerrainLayer
 
         self.land, self.rims = land, RimPool()
         bytes_ = 45 * 512 * 512
@@ -105,7 +105,7 @@ class Stage:
         self.pages = self.tables()
 
     def tables(self) -> Any:
-        from limen.layers.terrain.draw import PageTables
+        from limen.layers.terrain.draw.drawer import PageTables
 
         return PageTables(*(stream.table() for stream in self.streams))
 
@@ -133,7 +133,7 @@ class Stage:
         self, display: Display, room: Any, patches: Any, *, eyes: Any = EYE, joined: bool = True, **options: Any
     ) -> Any:
         """The one quilt's pixels, (H, W, 3)."""
-        from limen.layers.terrain.draw import Rims
+        from limen.layers.terrain.draw.drawer import Rims
 
         eyes = np.reshape(eyes, (-1, 3))
         (quilt,) = pack(display) if len(display.panels) == 1 else pack_outlines(display)

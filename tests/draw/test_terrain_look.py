@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import limen.layers.terrain.uniforms as records
+import limen.layers.terrain.draw.uniforms as records
 from limen.data.terrain.model import Nodes
 from limen.display.display import Display
 from limen.display.mapping import quilt_outlines

@@ -10,14 +10,14 @@ import pytest
 
 from limen.gpu.shader import load_shader, shader_text
 from limen.gpu.structs import check_layout, wgsl_struct
-from limen.layers.image import uniforms as records
+from limen.layers.image.draw import uniforms as records
 
 STRUCTS = {"Frame": records.FRAME, "Panel": records.PANEL, "PageQuad": records.PAGE_QUAD, "Level": records.LEVEL}
 
 
 @pytest.mark.parametrize("name", STRUCTS)
 def test_the_shader_has_the_dtypes_struct(name: str) -> None:
-    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.layers.image", "image.wgsl"), flags=re.MULTILINE)
+    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.layers.image.draw", "image.wgsl"), flags=re.MULTILINE)
     assert wgsl_struct(name, STRUCTS[name]) in text
 
 
@@ -82,4 +82,4 @@ def test_the_gpu_reads_fields_where_numpy_puts_them(name: str, device: Any, tmp_
 
 @pytest.mark.gpu
 def test_a_shader_is_loaded_from_beside_its_module(device: Any) -> None:
-    assert load_shader(device, "limen.layers.image", "image.wgsl").label == "image.wgsl"
+    assert load_shader(device, "limen.layers.image.draw", "image.wgsl").label == "image.wgsl"

@@ -23,10 +23,10 @@ from limen.cli.show_terrain import opened_content, print_terrain_rows, terrain_r
 from limen.data.image.file import Image
 from limen.data.mesh.mesh import Mesh
 from limen.errors import InputError
-from limen.layers.image.draw import Overlay
-from limen.layers.mesh.draw import SceneOverlay
+from limen.layers.image.draw.drawer import Overlay
+from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import SceneReport, Simplified
-from limen.layers.terrain.draw import TerrainOverlay
+from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.renderer import TerrainReport
 from limen.layers.terrain.resources import Draped
 from limen.show.live import LiveSettings, run_live

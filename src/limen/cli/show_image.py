@@ -12,7 +12,7 @@ from limen.cli.output import Output
 from limen.data.image.file import Image
 from limen.display.display import Display
 from limen.gpu.device import open_device
-from limen.layers.image.draw import Overlay
+from limen.layers.image.draw.drawer import Overlay
 from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
 from limen.pictures.files import thumbnail, write_picture
 from limen.pictures.room import draw_room, draw_surface

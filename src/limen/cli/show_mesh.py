@@ -18,7 +18,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.layers.mesh.draw import SceneOverlay
+from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import SceneRenderer, SceneReport, Simplified
 from limen.layers.mesh.select import Foldable
 from limen.pictures.files import write_picture

@@ -22,7 +22,7 @@ from limen.viewing.viewer import Viewer
 if TYPE_CHECKING:
     from limen.data.points.file import Points
     from limen.display.display import Display
-    from limen.layers.points.draw import PointsOverlay
+    from limen.layers.points.draw.drawer import PointsOverlay
     from limen.layers.points.renderer import PointsReport
     from limen.show.points_stage import PointsExhibit
 

@@ -16,7 +16,7 @@ from limen.data.mesh.mesh import Mesh
 from limen.data.opening import open_content
 from limen.display.display import Display
 from limen.gpu.device import open_device
-from limen.layers.terrain.draw import TerrainOverlay
+from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.renderer import TerrainReport
 from limen.pictures.files import write_picture
 from limen.show.terrain_stage import TerrainExhibit

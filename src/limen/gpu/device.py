@@ -60,7 +60,7 @@ class Device:
         Shaders may take the largest of 64-bit numbers atomically.
     is_opengl
         wgpu reaches the adapter through OpenGL: buffers that a draw reads must not be overwritten by a shader after it
-        (see `limen.layers.points.draw`), and ``wgpu`` may be shared with other devices of this process.
+        (see `limen.layers.points.draw.drawer`), and ``wgpu`` may be shared with other devices of this process.
     """
 
     wgpu: Any

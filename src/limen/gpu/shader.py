@@ -16,7 +16,7 @@ __all__ = ["load_shader", "shader_text"]
 
 @cache
 def shader_text(package: str, name: str) -> str:
-    """The text of ``name`` in a package: ``shader_text("limen.layers.image", "image.wgsl")``."""
+    """The text of ``name`` in a package: ``shader_text("limen.layers.image.draw", "image.wgsl")``."""
     return (files(package) / name).read_text(encoding="utf-8")
 
 

@@ -12,7 +12,7 @@ from limen.data.image.file import Image
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.gpu.device import Device, open_device
-from limen.layers.image.draw import Overlay, Sampling
+from limen.layers.image.draw.drawer import Overlay, Sampling
 from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
 from limen.show.window import Surface, open_canvas, run_together
 from limen.viewing.lens import Lens

@@ -11,7 +11,7 @@ from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.gpu.device import Device
-from limen.layers.points.draw import PointsOverlay, Shape
+from limen.layers.points.draw.drawer import PointsOverlay, Shape
 from limen.layers.points.renderer import PointsRenderer, PointsReport
 from limen.show.stage import STILL, SceneSettings, Turn, about_middle
 from limen.viewing.tolerance import Policy

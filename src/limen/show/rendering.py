@@ -17,12 +17,12 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.layers.image.draw import Overlay
+from limen.layers.image.draw.drawer import Overlay
 from limen.layers.image.renderer import Renderer
-from limen.layers.mesh.draw import SceneOverlay
+from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
 from limen.layers.mesh.select import Foldable
-from limen.layers.terrain.draw import TerrainOverlay
+from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.renderer import TerrainRenderer
 from limen.layers.terrain.selector import TerrainSettings
@@ -35,7 +35,7 @@ from limen.vision.acuity import HUMAN_ARCMIN, acuity_from
 if TYPE_CHECKING:
     from limen.data.points.file import Points
     from limen.data.terrain.file import Terrain
-    from limen.layers.points.draw import PointsOverlay
+    from limen.layers.points.draw.drawer import PointsOverlay
 
 __all__ = ["render"]
 

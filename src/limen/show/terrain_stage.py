@@ -10,7 +10,7 @@ from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.geometry import Vec3
 from limen.gpu.device import Device
-from limen.layers.terrain.draw import TerrainOverlay
+from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.look import TerrainLook
 from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.renderer import TerrainRenderer, TerrainReport

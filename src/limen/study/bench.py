@@ -20,8 +20,8 @@ from limen.data.image.file import Image, open_image
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.gpu.device import Device, open_device
-from limen.layers.image.draw import Sampling
-from limen.layers.image.feedback import Feedback
+from limen.layers.image.draw.drawer import Sampling
+from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.renderer import LOOKAHEAD_S, Renderer, select_ahead
 from limen.layers.image.select import View, select, view_of
 from limen.stream.pages import Stream

@@ -33,7 +33,7 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.layers.common.contrast_scale import shares_of_policy
-from limen.layers.mesh.folded import mesh_of_nodes
+from limen.layers.mesh.draw.folded import mesh_of_nodes
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
 from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
 from limen.study.bench_points import PeerRow

@@ -31,9 +31,9 @@ from limen.display.packing import pack_outlines
 from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.layers.mesh.draw import SceneLayer
-from limen.layers.mesh.sort import TriangleSorter
-from limen.layers.mesh.sorter import Sorter
+from limen.layers.mesh.draw.drawer import SceneLayer
+from limen.layers.mesh.draw.sort import TriangleSorter
+from limen.layers.mesh.draw.sorter import Sorter
 from limen.study.baselines.sort_paper import PaperSorter
 from limen.study.baselines.sort_whole import OctreeSorter, WholeScene
 from limen.viewing.projection import Windows

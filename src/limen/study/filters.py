@@ -1,6 +1,6 @@
 """Named filters for halving pages, magnifying them and resampling windows; plain NumPy, for measuring with.
 
-The renderer has its own, fixed filters (`limen.data.store.resample`, ``layers/image/image.wgsl``); here any can be
+The renderer has its own, fixed filters (`limen.data.store.resample`, ``layers/image/draw/image.wgsl``); here any can be
 tried.
 
 References

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from limen.display.display import Display
 from limen.geometry import Floats
+from limen.layers.image.draw.uniforms import level_colours
 from limen.layers.image.select import View, levels_at
-from limen.layers.image.uniforms import level_colours
 from limen.track.session import Session
 from limen.viewing.tolerance import Tolerance
 from limen.viewing.viewer import Viewer

@@ -20,7 +20,7 @@ from limen.data.pages import PAGE
 from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
 from limen.geometry import Floats
-from limen.layers.image.uniforms import level_colours
+from limen.layers.image.draw.uniforms import level_colours
 from limen.study.moments import Moment
 from limen.study.traffic import Report, Row
 from limen.track.session import Session

@@ -24,8 +24,8 @@ from limen.gpu.pool import PagePool
 from limen.layers.common.contrast_survey import SurveyedContrast
 from limen.layers.common.page_detail import Detail
 from limen.layers.image.cut import Cut
-from limen.layers.image.draw import ImageLayer, Overlay, Sampling, drawable_of
-from limen.layers.image.lens_mesh import Triangles
+from limen.layers.image.draw.drawer import ImageLayer, Overlay, Sampling, drawable_of
+from limen.layers.image.draw.lens_mesh import Triangles
 from limen.layers.image.select import View, select, view_of
 from limen.stream.pages import Stream
 from limen.viewing.lens import Lens
@@ -85,7 +85,7 @@ class Renderer:
     threads
         Decoding threads; ``None`` for one a core, two at least.
     sampling
-        See `limen.layers.image.draw.ImageLayer`.
+        See `limen.layers.image.draw.drawer.ImageLayer`.
     max_quilt_px
         Most pixels drawn at once.
 

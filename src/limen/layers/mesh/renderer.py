@@ -26,8 +26,8 @@ from limen.layers.common.contrast_scale import shares_of_policy
 from limen.layers.common.frame_time import Throttle
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.common.stereo import Anaglyph
-from limen.layers.mesh.draw import SceneLayer, SceneOverlay
-from limen.layers.mesh.folded import fold_colours, mesh_of_nodes
+from limen.layers.mesh.draw.drawer import SceneLayer, SceneOverlay
+from limen.layers.mesh.draw.folded import fold_colours, mesh_of_nodes
 from limen.layers.mesh.select import Extent, Foldable, FoldSight, MeshCut, select_mesh
 from limen.viewing.camera import Camera
 from limen.viewing.choices import STEREOS, Depth, Stereo
@@ -126,7 +126,7 @@ class SceneRenderer:
         ``none``: one eye, midway between the two. ``anaglyph``: red of the left eye, cyan of the right.
         ``side-by-side``: pictures of twice the width. ``sequential``: two pictures, the left eye's first.
     depth
-        See `limen.layers.mesh.draw.SceneLayer.draw`.
+        See `limen.layers.mesh.draw.drawer.SceneLayer.draw`.
     background
         Linear light (red, green, blue) where nothing is drawn.
     simplified

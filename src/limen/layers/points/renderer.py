@@ -25,7 +25,7 @@ from limen.gpu.device import Device
 from limen.layers.common.contrast_scale import shares_of_policy
 from limen.layers.common.frame_time import Throttle
 from limen.layers.common.simulator import LitDisplay
-from limen.layers.points.draw import PointsLayer, PointsOverlay, Shape, SplatMethod
+from limen.layers.points.draw.drawer import PointsLayer, PointsOverlay, Shape, SplatMethod
 from limen.layers.points.select import PointCut, PointTree, Sight, select_points
 from limen.layers.points.stream import CHUNK_BYTES, PointStream
 from limen.viewing.camera import Camera
@@ -111,7 +111,7 @@ class PointsRenderer:
     lit
         Whether splats that have normals are lit; by default where the file has no colours.
     shape, method
-        See `limen.layers.points.draw.PointsLayer`.
+        See `limen.layers.points.draw.drawer.PointsLayer`.
     background
         Linear light (red, green, blue) where there is no point.
     gpu_bytes

@@ -23,7 +23,7 @@ from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.layers.common.contrast_survey import SurveyedContrast
 from limen.layers.common.simulator import LitDisplay
-from limen.layers.terrain.draw import Rims, TerrainOverlay
+from limen.layers.terrain.draw.drawer import Rims, TerrainOverlay
 from limen.layers.terrain.look import TerrainLook, panel_tints
 from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.resources import GPU_BYTES, Draped, TerrainStock, Wishes

@@ -14,7 +14,7 @@ from limen.geometry import Floats
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.layers.terrain.borders import RimPool
-from limen.layers.terrain.draw import Drape, PageTables, TerrainLayer
+from limen.layers.terrain.draw.drawer import Drape, PageTables, TerrainLayer
 from limen.layers.terrain.stream import PatchPlaces, PatchStream
 from limen.stream.pages import FADE_S, PageSource, Stream
 

@@ -7,7 +7,7 @@ first hit, the second pass compares rectangles before it tests exactly, and its 
 
 The first pass is wrong where panels overlap in view: a triangle that is three times on the nearest panel is given to
 that one alone, though it may also show beside it, on a panel behind (a teapot's handle, a knot).
-`limen.layers.mesh.sort` has those pairs too. Both agree on displays that do not overlap in view, but for the guard
+`limen.layers.mesh.draw.sort` has those pairs too. Both agree on displays that do not overlap in view, but for the guard
 band, which the first pass does not know.
 
 References
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from limen.geometry import Floats
 from limen.layers.common.panel_uniforms import view_rows
-from limen.layers.mesh.sorter import GROUP, Groups, Parts, Sorter, Steps
+from limen.layers.mesh.draw.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.study.baselines.octree import LEAVES, Octree
 from limen.viewing.projection import GUARD_PX, PanelViews
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from limen.geometry import Floats
 from limen.layers.common.panel_uniforms import view_rows
-from limen.layers.mesh.sorter import GROUP, Groups, Parts, Sorter, Steps
+from limen.layers.mesh.draw.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.study.baselines.octree import LEAVES
 from limen.viewing.projection import PanelViews, Windows
 

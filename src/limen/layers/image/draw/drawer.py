@@ -23,9 +23,9 @@ from limen.gpu.pool import PagePool
 from limen.gpu.shader import load_shader
 from limen.layers.common.matching import PanelMatching
 from limen.layers.common.page_detail import Detail
-from limen.layers.image import uniforms as records
 from limen.layers.image.cut import Cut
-from limen.layers.image.lens_mesh import LensMesh
+from limen.layers.image.draw import uniforms as records
+from limen.layers.image.draw.lens_mesh import LensMesh
 from limen.layers.image.select import View
 from limen.stream.pages import Drawable, PageTable, Stream, page_table
 from limen.viewing.placement import OnSurface
@@ -89,7 +89,7 @@ class ImageLayer:
 
     def __init__(self, device: Device, view: View, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
         self._device, self._view, self._pool = device, view, pool
-        self._shader = load_shader(device, "limen.layers.image", *_FILES)
+        self._shader = load_shader(device, "limen.layers.image.draw", *_FILES)
         kernel = {"KERNEL": _KERNELS[sampling]}
         self._stages = {
             "flat": _Stage(device, self._shader, "flat", _FLAT, kernel),

@@ -25,7 +25,7 @@ from limen.gpu.shader import load_shader
 from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
 from limen.layers.common.matching import PanelMatching
 from limen.layers.common.panel_uniforms import view_rows
-from limen.layers.points.uniforms import (
+from limen.layers.points.draw.uniforms import (
     CHUNK_ROW,
     CLOUD,
     CLOUD_STRIDE,
@@ -117,7 +117,7 @@ class PointsLayer:
         self._buffers["tops"].write(np.ascontiguousarray(tops).view(np.uint32))
         self._buffers["nodes"].reserve(max(slots, 1) * CHUNK_NODES * NODE.itemsize)
         self._buffers["chunks"].reserve(max(slots, 1) * CHUNK_ROW.itemsize)
-        self._shader = load_shader(device, "limen.layers.points", "points.wgsl")
+        self._shader = load_shader(device, "limen.layers.points.draw", "points.wgsl")
         self._layouts = {step: self._layout(names) for step, names in _BINDINGS.items()}
         self._pipelines: dict[tuple[Any, ...], Any] = {}
         self._targets = Targets(device)
@@ -320,7 +320,7 @@ class PointsLayer:
     def _compute_pipeline(self, step: str) -> Any:
         if (step,) not in self._pipelines:
             wide = step == "nearest_wide"
-            module = load_shader(self._device, "limen.layers.points", "points_wide.wgsl") if wide else self._shader
+            module = load_shader(self._device, "limen.layers.points.draw", "points_wide.wgsl") if wide else self._shader
             constants = {} if step == "place" else {"ROUND": self._round}
             self._pipelines[step,] = self._device.wgpu.create_compute_pipeline(
                 label=step,

@@ -10,7 +10,7 @@ from limen.display.panel import MAX_OUTLINE_CORNERS
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.gpu.targets import DEPTH_FORMAT, SAMPLED_DEPTH
-from limen.layers.terrain import uniforms as records
+from limen.layers.terrain.draw import uniforms as records
 from limen.layers.terrain.look import COLOURS, Colours
 
 __all__ = ["BINDINGS", "OUTLINE_VERTICES", "TerrainOverlay", "TerrainPipelines"]
@@ -51,9 +51,9 @@ class TerrainPipelines:
         """Pixels without land fail the test of a depth that is only read: on software adapters, frames take a third
         less than where they are thrown away. OpenGL refuses a texture that is sampled and attached, even so."""
         self._clips = clip and device.can_clip
-        self._fragments = load_shader(device, "limen.layers.terrain", "terrain.wgsl")
+        self._fragments = load_shader(device, "limen.layers.terrain.draw", "terrain.wgsl")
         self._vertices = (
-            load_shader(device, "limen.layers.terrain", "terrain_clip.wgsl") if self._clips else self._fragments
+            load_shader(device, "limen.layers.terrain.draw", "terrain_clip.wgsl") if self._clips else self._fragments
         )
         self.layout = self._bind_group_layout()
         self.depth_layout = device.wgpu.create_bind_group_layout(

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from limen.geometry import Floats
 from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.mesh.directions import direction_grid
-from limen.layers.mesh.sorter import DRAW_OFFSET, GROUP, Groups, Parts, Sorter, Steps
-from limen.layers.mesh.uniforms import grid_words, sort_frame
+from limen.layers.mesh.draw.sorter import DRAW_OFFSET, GROUP, Groups, Parts, Sorter, Steps
+from limen.layers.mesh.draw.uniforms import grid_words, sort_frame
 from limen.viewing.projection import PanelViews
 
 __all__ = ["DRAW_OFFSET", "TriangleSorter"]

@@ -21,10 +21,10 @@ from limen.gpu.shader import load_shader
 from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
 from limen.layers.common.lighting import AMBIENT, TOWARD_LIGHT
 from limen.layers.common.matching import PanelMatching
-from limen.layers.mesh.sort import TriangleSorter
-from limen.layers.mesh.sorter import Sorter
-from limen.layers.mesh.textures import upload_textures
-from limen.layers.mesh.uniforms import corner_rows, scene_row
+from limen.layers.mesh.draw.sort import TriangleSorter
+from limen.layers.mesh.draw.sorter import Sorter
+from limen.layers.mesh.draw.textures import upload_textures
+from limen.layers.mesh.draw.uniforms import corner_rows, scene_row
 from limen.viewing.choices import Depth
 from limen.viewing.projection import NEAR_M, Windows
 
@@ -52,7 +52,7 @@ class SceneLayer:
     clip
         Clip by distances where the adapter can; False cuts in the fragment stage, with the same picture.
     first_pairs
-        See `limen.layers.mesh.sorter.Sorter`.
+        See `limen.layers.mesh.draw.sorter.Sorter`.
     sorter
         How triangles find their panels; all ways draw the same picture.
 
@@ -77,8 +77,10 @@ class SceneLayer:
         self.sorter = sorter(device, mesh.positions, mesh.triangles, first_pairs=first_pairs)
         self._has_holes = bool((mesh.colours[:, 3] < 128).any() or (mesh.textures[..., 3] < 128).any())
         self._clips = clip and device.can_clip and not self._has_holes
-        self._fragments = load_shader(device, "limen.layers.mesh", "scene.wgsl")
-        self._vertices = load_shader(device, "limen.layers.mesh", "scene_clip.wgsl") if self._clips else self._fragments
+        self._fragments = load_shader(device, "limen.layers.mesh.draw", "scene.wgsl")
+        self._vertices = (
+            load_shader(device, "limen.layers.mesh.draw", "scene_clip.wgsl") if self._clips else self._fragments
+        )
         self._corners = GrowingBuffer(device, "corners", wgpu.BufferUsage.STORAGE)
         self._corners.write(corner_rows(mesh))
         self._bounds = mesh.positions.min(axis=0), mesh.positions.max(axis=0)

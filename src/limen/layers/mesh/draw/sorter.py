@@ -1,8 +1,8 @@
 """What all ways of sorting triangles to panels share: buffers, compute steps, counting, growing, and one draw.
 
 A way of sorting is a shader with some steps. It leaves pairs (triangle, eye * panels + panel) on the GPU and the
-arguments of the draw that takes them; `limen.layers.mesh.sort` is limen's own, the others are there to be compared with
-it.
+arguments of the draw that takes them; `limen.layers.mesh.draw.sort` is limen's own, the others are there to be compared
+with it.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Sorter:
         If the mesh is larger than a shader of this adapter can see.
     """
 
-    package: ClassVar[str] = "limen.layers.mesh"
+    package: ClassVar[str] = "limen.layers.mesh.draw"
     shader: ClassVar[str]
     """A file of that package; its bindings are `bindings`, its entry points `steps`."""
     bindings: ClassVar[tuple[str, ...]]

@@ -22,7 +22,7 @@ from limen.geometry import Vec3
 from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
-from limen.layers.image import uniforms as records
+from limen.layers.image.draw import uniforms as records
 from limen.layers.image.select import View
 from limen.viewing.tolerance import Tolerance
 
@@ -66,7 +66,7 @@ class Feedback:
         self._pipeline = device.wgpu.create_compute_pipeline(
             label="feedback",
             layout=device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
-            compute={"module": load_shader(device, "limen.layers.image", "image.wgsl"), "entry_point": "feedback"},
+            compute={"module": load_shader(device, "limen.layers.image.draw", "image.wgsl"), "entry_point": "feedback"},
         )
 
     def run(

@@ -25,9 +25,9 @@ from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
 from limen.layers.common.matching import PanelMatching
-from limen.layers.terrain import uniforms as records
+from limen.layers.terrain.draw import uniforms as records
+from limen.layers.terrain.draw.pipelines import BINDINGS, OUTLINE_VERTICES, TerrainOverlay, TerrainPipelines
 from limen.layers.terrain.look import TerrainLook, contour_interval_m
-from limen.layers.terrain.pipelines import BINDINGS, OUTLINE_VERTICES, TerrainOverlay, TerrainPipelines
 from limen.layers.terrain.stream import PatchPlaces, PatchUpload
 from limen.stream.pages import PageSource, PageTable, page_table
 from limen.viewing.projection import Windows
