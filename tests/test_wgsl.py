@@ -1,14 +1,14 @@
-"""Every shader of the package is valid, alone or after the one that it follows, on the adapter of this machine."""
+"""Every shader of the package is valid, after what its first line names, on the adapter of this machine."""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import limen
+from limen.gpu.shader import shader_text
 
 SOURCE = Path(limen.__file__).parent
 SHADERS = sorted(SOURCE.rglob("*.wgsl"))
@@ -17,10 +17,7 @@ SHADERS = sorted(SOURCE.rglob("*.wgsl"))
 @pytest.mark.gpu
 @pytest.mark.parametrize("path", SHADERS, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_a_shader_compiles(path: Path, device: Any) -> None:
-    code = path.read_text(encoding="utf-8")
-    if code.startswith("// Follows"):
-        first = re.findall(r"\w+\.wgsl", code.splitlines()[0])
-        code = "".join((path.parent / name).read_text(encoding="utf-8") for name in first) + code
+    code = shader_text(".".join(["limen", *path.relative_to(SOURCE).parent.parts]), path.name)
     if "enable clip_distances;" in code and not device.can_clip:
         pytest.skip("THIS ADAPTER HAS NO CLIP DISTANCES: the shader that needs them was not compiled")
     if "atomic<u64>" in code and not device.has_wide_atomics:
@@ -38,3 +35,13 @@ def test_an_invalid_shader_is_noticed(device: Any) -> None:
 def test_there_are_shaders() -> None:
     if not SHADERS:
         pytest.skip("no .wgsl in the package yet")
+
+
+def test_a_file_stands_after_what_it_stands_on_once_and_what_is_enabled_is_first() -> None:
+    text = shader_text("limen.layers.mesh.draw", "scene_clip.wgsl")
+    assert text.startswith("enable clip_distances;\n")
+    heads = ["struct PanelView", "fn pull(", "fn vertex("]
+    assert [text.count(head) for head in heads] == [1, 1, 1]
+    assert sorted(heads, key=text.index) == heads
+    split = shader_text("limen.layers.image.draw", "lens_split.wgsl")
+    assert split.count("fn place_of_slot(") == split.count("fn flat_fragment(") == split.count("fn lens_wishes(") == 1

@@ -1,6 +1,7 @@
-"""WGSL files lie beside the module that uses them.
+"""WGSL files lie beside the module that uses them, and may stand on others.
 
-They are valid alone, or after the file that their first line says they follow.
+``// after: gpu/panel_view.wgsl, mesh_common.wgsl`` in a file's first line names what stands before it: files of
+`limen.gpu.wgsl`, and files of its own package.
 """
 
 from __future__ import annotations
@@ -13,14 +14,33 @@ from limen.gpu.device import Device
 
 __all__ = ["load_shader", "shader_text"]
 
+_AFTER, _SHARED = "// after: ", "gpu/"
+
 
 @cache
 def shader_text(package: str, name: str) -> str:
-    """The text of ``name`` in a package: ``shader_text("limen.layers.image.draw", "image.wgsl")``."""
-    return (files(package) / name).read_text(encoding="utf-8")
+    """The text of a file in a package, after all that it stands on: ``shader_text("limen.gpu", "depth.wgsl")``.
+
+    Each file is there once, and what a module enables comes first, where WGSL wants it.
+    """
+    texts: dict[tuple[str, str], str] = {}
+    _collect(package, name, texts)
+    lines = [line for text in texts.values() for line in text.splitlines(keepends=True)]
+    return "".join(sorted(lines, key=lambda line: not line.startswith("enable ")))
 
 
-def load_shader(device: Device, package: str, *names: str) -> Any:
-    """A compiled shader module of files behind each other; wgpu's messages call it by the last one's name."""
-    code = "\n".join(shader_text(package, name) for name in names)
-    return device.wgpu.create_shader_module(label=names[-1], code=code)
+def _collect(package: str, name: str, texts: dict[tuple[str, str], str]) -> None:
+    """The files that one stands on, each after its own, and then the file itself."""
+    if (package, name) in texts:
+        return
+    text = (files(package) / name).read_text(encoding="utf-8")
+    first = text.split("\n", 1)[0]
+    for each in first.removeprefix(_AFTER).split(", ") if first.startswith(_AFTER) else ():
+        shared = each.startswith(_SHARED)
+        _collect("limen.gpu.wgsl" if shared else package, each.removeprefix(_SHARED), texts)
+    texts[package, name] = text
+
+
+def load_shader(device: Device, package: str, name: str) -> Any:
+    """The compiled shader module of a file and of all that it stands on; wgpu's messages call it by the file's name."""
+    return device.wgpu.create_shader_module(label=name, code=shader_text(package, name))

@@ -1,3 +1,4 @@
+// after: gpu/panel_view.wgsl
 // Which panels may each triangle touch? By an octree over the triangles, built anew every frame, and every leaf culled to
 // every panel's frustum: the comparison of Harish, Narayanan 2013, section 4.2. Depth 3; the leaves alone are kept.
 //
@@ -21,17 +22,6 @@ struct Frame {
     padding_b: u32,
     // Per eye, three rows: the way from the eye to a vertex, from the mesh's coordinates.
     eye_from_mesh: array<vec4<f32>, 6>,
-}
-
-struct PanelView {
-    x: vec4<f32>,
-    y: vec4<f32>,
-    w: vec4<f32>,
-    edges: array<vec4<f32>, 8>,
-    corners: array<vec4<f32>, 8>,
-    corner_count: u32,
-    eye: u32,
-    padding: vec2<u32>,
 }
 
 struct Counters {

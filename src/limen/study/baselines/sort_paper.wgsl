@@ -1,3 +1,4 @@
+// after: gpu/panel_view.wgsl
 // Which panels does each triangle touch? In the two passes of Harish, Narayanan 2013, section 3.2, for comparison.
 //
 //   locate   every vertex: the nearest panel on the ray from the eye, through the leaves of an octree
@@ -10,6 +11,8 @@
 //
 // The overlap of triangle and panel is tested on directions, as in sort.wgsl: the same test as on the picture plane, which
 // also holds beside and behind the eye.
+
+// Of a panel, `edges[k].w` is the guard, in pixels; `corners[0].w` the eye's height above it, or 0 if it is not in front.
 
 struct Frame {
     vertices: u32,
@@ -28,19 +31,6 @@ struct Frame {
     eye_from_mesh: array<vec4<f32>, 6>,
     // Per eye, three rows: right, up and forward of the viewer's camera.
     camera: array<vec4<f32>, 6>,
-}
-
-struct PanelView {
-    x: vec4<f32>,
-    y: vec4<f32>,
-    w: vec4<f32>,
-    // Signed pixels inside an edge and its guard, times w; and the guard, in pixels.
-    edges: array<vec4<f32>, 8>,
-    // Toward the corners; the first also holds the eye's height above the panel, or 0 if it is not in front.
-    corners: array<vec4<f32>, 8>,
-    corner_count: u32,
-    eye: u32,
-    padding: vec2<u32>,
 }
 
 struct Counters {

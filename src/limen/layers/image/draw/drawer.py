@@ -51,7 +51,6 @@ _NUMBERS = {
     "frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7, "finer": 9,
     "lenses": 10, "corners": 15,
 }  # fmt: skip
-_FILES = ("image.wgsl", "lens_mesh.wgsl", "lens_split.wgsl")
 _FLAT = ("frame", "panels", "eyes", "quads", "levels", "pool", "bilinear", "finer")
 _BENT = ("frame", "panels", "eyes", "levels", "table", "pool", "bilinear", "finer", "lenses")
 _LENS = (*_BENT, "corners")
@@ -89,7 +88,7 @@ class ImageLayer:
 
     def __init__(self, device: Device, view: View, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
         self._device, self._view, self._pool = device, view, pool
-        self._shader = load_shader(device, "limen.layers.image.draw", *_FILES)
+        self._shader = load_shader(device, "limen.layers.image.draw", "lens_split.wgsl")
         kernel = {"KERNEL": _KERNELS[sampling]}
         self._stages = {
             "flat": _Stage(device, self._shader, "flat", _FLAT, kernel),

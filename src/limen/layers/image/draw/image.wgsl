@@ -1,3 +1,4 @@
+// after: gpu/page.wgsl
 // Draws an image's pages on panels, and finds the pages that panels need.
 //
 // Four ways in:
@@ -14,11 +15,6 @@ override KERNEL: u32 = 1u;
 // over the picture.
 override OVERLAY: u32 = 0u;
 
-const PAGE: f32 = 256.0;
-const GUTTER: f32 = 4.0;
-const SIDE: f32 = 264.0;
-// Pages along a layer of the pool.
-const COLUMNS: u32 = 15u;
 const PI: f32 = 3.14159265358979;
 const ALMOST_ONE = 0.99999994;
 const NO_PAGE: u32 = 0xffffffffu;
@@ -439,17 +435,6 @@ fn mip_of(place: Place, true_px: f32) -> i32 {
 }
 
 // ---------------------------------------------------------------- sampling
-
-struct Slot {
-    corner: vec2<f32>,
-    layer: i32,
-}
-
-fn place_of_slot(slot: u32) -> Slot {
-    let row = slot / COLUMNS;
-    let cell = vec2<f32>(f32(slot % COLUMNS), f32(row % COLUMNS));
-    return Slot(cell * SIDE + GUTTER, i32(row / COLUMNS));
-}
 
 // The sampler's place of a texel of a page: counted so that nothing is rounded, and the same is read in every slot.
 fn share_of_layer(slot: Slot, texel: vec2<f32>) -> vec2<f32> {

@@ -1,4 +1,5 @@
-// Follows image.wgsl, whose functions it uses. Cuts what is looked at through lenses into triangles, between whose corners
+// after: image.wgsl
+// Cuts what is looked at through lenses into triangles, between whose corners
 // places of the image are interpolated, and draws them.
 //
 //   lens_wishes     one workgroup a cell: into how many parts it wants its sides to be cut

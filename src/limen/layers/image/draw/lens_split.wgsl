@@ -1,4 +1,5 @@
-// Follows image.wgsl, lens_mesh.wgsl, whose functions it uses. Cuts cells so often that nothing is drawn farther from where
+// after: lens_mesh.wgsl
+// Cuts cells so often that nothing is drawn farther from where
 // it belongs than viewers see: right-angled triangles are halved, across their longest side, as long as its middle is off
 // (Evans, Kirkpatrick, Townsend 2001).
 //

@@ -1,3 +1,4 @@
+// after: gpu/colour.wgsl, mesh_common.wgsl
 // Draws the pairs (triangle, panel) that sort.wgsl found: all panels of a quilt, of one eye or two, in one draw.
 //
 // Vertices are pulled from storage; the panel's matrix is three linear forms of the way from the eye. What lies outside
@@ -8,44 +9,6 @@
 override OVERLAY: u32 = 0u;
 
 const NO_TEXTURE = 0xffffffffu;
-
-// Where vertices come from. 0: pairs of a triangle and a panel. 1: the same, warped to their panels already. 2: the mesh
-// itself, every instance for another panel.
-override SOURCE: u32 = 0u;
-
-struct PanelView {
-    x: vec4<f32>,
-    y: vec4<f32>,
-    w: vec4<f32>,
-    edges: array<vec4<f32>, 8>,
-    corners: array<vec4<f32>, 8>,
-    corner_count: u32,
-    eye: u32,
-    padding: vec2<u32>,
-}
-
-struct Corner {
-    normal: vec3<f32>,
-    // sRGB and opacity, a byte each.
-    colour: u32,
-    uv: vec2<f32>,
-    layer: u32,
-    padding: u32,
-}
-
-struct Scene {
-    vertices: u32,
-    panels: u32,
-    // Of the viewer's camera, for a depth that all panels share.
-    near: f32,
-    padding: u32,
-    // Per eye: where the viewer's camera looks.
-    forward: array<vec4<f32>, 2>,
-    // Three rows: normals in the room, from the mesh's coordinates.
-    normal_from_mesh: array<vec4<f32>, 3>,
-    // Toward the light, in the room; share of light that comes from everywhere.
-    light: vec4<f32>,
-}
 
 struct Varyings {
     @builtin(position) position: vec4<f32>,
@@ -74,48 +37,8 @@ struct Deep {
     @builtin(frag_depth) depth: f32,
 }
 
-// As sort_paper.wgsl leaves it.
-struct Warped {
-    position: vec4<f32>,
-    way: vec3<f32>,
-    number: u32,
-}
-
-struct Pulled {
-    position: vec4<f32>,
-    way: vec3<f32>,
-    number: u32,
-    view: u32,
-}
-
-@group(0) @binding(0) var<uniform> scene: Scene;
-@group(0) @binding(1) var<storage, read> views: array<PanelView>;
-@group(0) @binding(2) var<storage, read> triangles: array<u32>;
-@group(0) @binding(3) var<storage, read> ways: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> pairs: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> corners: array<Corner>;
 @group(0) @binding(6) var pictures: texture_2d_array<f32>;
 @group(0) @binding(7) var smoothly: sampler;
-@group(0) @binding(8) var<storage, read> warped: array<Warped>;
-
-fn pull(index: u32, instance: u32) -> Pulled {
-    if SOURCE == 1u {
-        let ready = warped[index];
-        return Pulled(ready.position, ready.way, ready.number, pairs[index / 3u].y);
-    }
-    var number = index;
-    var view = instance;
-    if SOURCE == 0u {
-        let pair = pairs[index / 3u];
-        number = triangles[pair.x * 3u + index % 3u];
-        view = pair.y;
-    }
-    let way = ways[views[view].eye * scene.vertices + number].xyz;
-    let position = vec4(
-        dot(views[view].x.xyz, way), dot(views[view].y.xyz, way), views[view].x.w, dot(views[view].w.xyz, way)
-    );
-    return Pulled(position, way, number, view);
-}
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Varyings {
@@ -138,16 +61,6 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     return out;
 }
 
-fn linear_of(srgb: vec3<f32>) -> vec3<f32> {
-    return select(pow((srgb + 0.055) / 1.055, vec3(2.4)), srgb / 12.92, srgb <= vec3(0.04045));
-}
-
-// Hues a golden angle apart, so that neighbours differ.
-fn panel_colour(panel: u32) -> vec3<f32> {
-    let turn = fract(f32(panel) * 0.618034) * 6.0;
-    return clamp(abs(vec3(turn - 3.0, 2.0 - abs(turn - 2.0), 2.0 - abs(turn - 4.0))) - vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(1.0));
-}
-
 fn lit(in: Shaded) -> vec4<f32> {
     let texel = textureSample(pictures, smoothly, in.uv, select(in.layer, 0u, in.layer == NO_TEXTURE));
     var colour = vec4(linear_of(in.colour.rgb), in.colour.a);
@@ -166,7 +79,7 @@ fn lit(in: Shaded) -> vec4<f32> {
     let direct = 0.5 * max(dot(normal, scene.light.xyz), 0.0) + 0.5 * dot(normal, toward_eye);
     var light = colour.rgb * mix(direct, 1.0, scene.light.w);
     if OVERLAY == 1u {
-        light = mix(light, panel_colour(in.view % scene.panels), 0.4);
+        light = mix(light, hue(in.view % scene.panels), 0.4);
     }
     return vec4(light, colour.a);
 }

@@ -1,3 +1,4 @@
+// after: gpu/panel_view.wgsl
 // Which panels does each triangle touch, as each eye sees them? Every frame, on the GPU.
 //
 //   locate   every vertex: the way from the eye, and the panel in whose core it lies
@@ -10,6 +11,8 @@
 // they are apart exactly if a side of one of them has the other on its outer side (separating axes, on directions instead
 // of places, so that nothing divides and a triangle may pass beside or behind the eye).
 // The processor's part, the grid of directions, is limen.layers.mesh.directions.
+
+// Of a panel, `edges[k].w` is where, along the edge, the core begins.
 
 struct Frame {
     vertices: u32,
@@ -24,18 +27,6 @@ struct Frame {
     eye_from_mesh: array<vec4<f32>, 6>,
     // Per eye and picture plane, three rows: from directions to cells.
     planes: array<vec4<f32>, 36>,
-}
-
-struct PanelView {
-    x: vec4<f32>,
-    y: vec4<f32>,
-    w: vec4<f32>,
-    // Signed pixels inside an edge and its guard, times w; and where, along it, the core begins.
-    edges: array<vec4<f32>, 8>,
-    corners: array<vec4<f32>, 8>,
-    corner_count: u32,
-    eye: u32,
-    padding: vec2<u32>,
 }
 
 struct Counters {

@@ -1,3 +1,4 @@
+// after: gpu/colour.wgsl, splat.wgsl
 // Splats of a cloud of points, through the panels of a quilt, in three steps: every pair of an item and a panel is placed;
 // what is nearest in each pixel is found; and each pixel is coloured once.
 //
@@ -5,39 +6,15 @@
 // atomics in two passes, the nearest depth first and then the first pair that has it, or by quads and the depth test.
 // Ids count down from 0xffffffff, so that the first pair of equal depths is the largest; 0 is nothing.
 
-// 1: round splats, all pixels that see the disc which faces the eye. 0: square ones.
-override ROUND: u32 = 1u;
 // 0: the picture. 1: every panel in a colour of its own. 2: simplified nodes in a colour of their level.
 override OVERLAY: u32 = 0u;
 // Words from one pixel's id to the next one's: two where keys are of 64 bits.
 override WORDS: u32 = 1u;
 
 const GROUP = 128u;
-const ROW = 8388480u;
-const NONE = 0xffffffffu;
 const TOP = 0x80000000u;
 const CHUNK_NODES = 4681u;
 const ALL_AROUND = 255u;
-
-struct PanelView {
-    x: vec4<f32>,
-    y: vec4<f32>,
-    w: vec4<f32>,
-    edges: array<vec4<f32>, 8>,
-    corners: array<vec4<f32>, 8>,
-    corner_count: u32,
-    eye: u32,
-    padding: vec2<u32>,
-}
-
-// The way that a pixel of the quilt sees along: across * x + along * y + base, with a depth of 1.
-struct Rays {
-    across: vec4<f32>,
-    along: vec4<f32>,
-    base: vec4<f32>,
-    // Left, top, right and bottom of the pixels that may be the panel's.
-    bounds: vec4<f32>,
-}
 
 struct ChunkRow {
     origin: vec3<f32>,
@@ -46,39 +23,6 @@ struct ChunkRow {
     padding_a: f32,
     padding_b: f32,
     padding_c: f32,
-}
-
-struct Cloud {
-    way_from_cloud: array<vec4<f32>, 3>,
-    normal_from_cloud: array<vec4<f32>, 3>,
-    light: vec4<f32>,
-    background: vec4<f32>,
-    unit_m: f32,
-    is_lit: u32,
-    // Where this batch of pairs begins and ends among all.
-    first: u32,
-    end: u32,
-    stride: u32,
-    width: u32,
-    height: u32,
-    padding: u32,
-}
-
-// A splat on its panel. Pixels are two of 16 bits in a word, x in the lower.
-struct Placed {
-    way: vec3<f32>,
-    // Of the squared cosine between a pixel's way and this one: see `covers`.
-    reach: f32,
-    first: u32,
-    last: u32,
-    middle: u32,
-    view: u32,
-    // Bits of a depth from 0 to 1, the nearer the larger; 0 where nothing is to be drawn.
-    depth: u32,
-    // 1 where all of its pixels are the panel's.
-    is_inside: u32,
-    padding_a: u32,
-    padding_b: u32,
 }
 
 struct Node {
@@ -90,15 +34,11 @@ struct Node {
     level: u32,
 }
 
-@group(0) @binding(0) var<uniform> cloud: Cloud;
-@group(0) @binding(1) var<storage, read> views: array<PanelView>;
-@group(0) @binding(2) var<storage, read> rays: array<Rays>;
 @group(0) @binding(3) var<storage, read> pairs: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> tops: array<u32>;
 @group(0) @binding(6) var<storage, read> chunks: array<ChunkRow>;
 @group(0) @binding(7) var<storage, read_write> placing: array<Placed>;
-@group(0) @binding(8) var<storage, read> placed: array<Placed>;
 @group(0) @binding(9) var<storage, read_write> depths: array<atomic<u32>>;
 @group(0) @binding(10) var<storage, read_write> firsts: array<atomic<u32>>;
 @group(0) @binding(11) var<storage, read> ids: array<u32>;
@@ -117,10 +57,6 @@ fn unpacked(code: u32) -> vec3<f32> {
 
 fn turned(rows: array<vec4<f32>, 3>, vector: vec4<f32>) -> vec3<f32> {
     return vec3(dot(rows[0], vector), dot(rows[1], vector), dot(rows[2], vector));
-}
-
-fn linear_of(srgb: vec3<f32>) -> vec3<f32> {
-    return select(pow((srgb + 0.055) / 1.055, vec3(2.4)), srgb / 12.92, srgb <= vec3(0.04045));
 }
 
 fn level_of(node: u32) -> u32 {
@@ -158,37 +94,6 @@ fn node_of(item: u32) -> Node {
     out.normal = turned(cloud.normal_from_cloud, vec4(unpacked(packed), 0.0));
     out.rgb = linear_of(unpack4x8unorm(colour).rgb);
     return out;
-}
-
-fn way_of(view: u32, pixel: vec2<u32>) -> vec3<f32> {
-    let at = vec2<f32>(pixel) + 0.5;
-    return rays[view].across.xyz * at.x + rays[view].along.xyz * at.y + rays[view].base.xyz;
-}
-
-fn is_on_panel(view: u32, way: vec3<f32>) -> bool {
-    for (var k = 0u; k < 8u; k++) {
-        if dot(views[view].edges[k].xyz, way) < 0.0 {
-            return false;
-        }
-    }
-    return true;
-}
-
-fn pixel_of(word: u32) -> vec2<u32> {
-    return vec2(word & 0xffffu, word >> 16u);
-}
-
-// Whether a pixel shows a splat. A round one is a disc that faces the eye: what is seen within its angle.
-fn covers(splat: Placed, pixel: vec2<u32>) -> bool {
-    let way = way_of(splat.view, pixel);
-    if splat.is_inside == 0u && !is_on_panel(splat.view, way) {
-        return false;
-    }
-    if ROUND == 0u || all(pixel == pixel_of(splat.middle)) {
-        return true;
-    }
-    let along = dot(way, splat.way);
-    return along > 0.0 && along * along >= splat.reach * dot(way, way);
 }
 
 // ---------------------------------------------------------------------------------------------------- placing
@@ -340,12 +245,6 @@ fn found(in: Quad) -> Found {
 @vertex
 fn whole(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
     return vec4(f32(corner & 1u) * 4.0 - 1.0, f32(corner >> 1u) * 4.0 - 1.0, 0.0, 1.0);
-}
-
-// Hues a golden angle apart, so that neighbours differ.
-fn hue(number: u32) -> vec3<f32> {
-    let turn = fract(f32(number) * 0.618034) * 6.0;
-    return clamp(abs(vec3(turn - 3.0, 2.0 - abs(turn - 2.0), 2.0 - abs(turn - 4.0))) - vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(1.0));
 }
 
 @fragment

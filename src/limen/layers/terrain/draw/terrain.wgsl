@@ -1,3 +1,4 @@
+// after: gpu/colour.wgsl, gpu/page.wgsl, terrain_common.wgsl
 // Draws a terrain's patches on panels: first the depth of what is nearest, from vertices, and then every pixel's colour
 // once, from pages, at its own level. The depth is near / w, so a pixel's place follows from it.
 //
@@ -15,11 +16,6 @@ override FADING: bool = true;
 // There are posts without data.
 override HOLES: bool = false;
 
-const PAGE: f32 = 256.0;
-const GUTTER: f32 = 4.0;
-const SIDE: f32 = 264.0;
-// Pages along a layer of the pool.
-const COLUMNS: u32 = 15u;
 const PAGE_BITS: u32 = 8u;
 const RELIEF: u32 = 0u;
 const HEIGHTS: u32 = 1u;
@@ -27,43 +23,6 @@ const DRAPE: u32 = 2u;
 const LAST_TINT: f32 = 18.0;
 const GREY = vec3<f32>(0.6, 0.58, 0.55);
 const CONTOUR = vec3<f32>(0.09, 0.04, 0.012);
-
-struct Terrain {
-    origin_post: vec2<i32>,
-    origin_height_m: f32,
-    exaggeration: f32,
-    spacing_m: vec2<f32>,
-    low_m: f32,
-    range_m: f32,
-    tint_from_m: f32,
-    tints_per_m: f32,
-    sea_level_m: f32,
-    contour_interval_m: f32,
-    // Toward the sun (east, north, up); share of light that comes from everywhere.
-    sun: vec4<f32>,
-    sea: vec4<f32>,
-    ramp: array<vec4<f32>, 20>,
-}
-
-struct TerrainView {
-    // Linear forms of (column, row, height, 1), counted from the origin.
-    x: vec4<f32>,
-    y: vec4<f32>,
-    w: vec4<f32>,
-    edges: array<vec4<f32>, 8>,
-    // The eye's place; the way from there to what has depth 1 at pixel (0, 0), and how it grows to the right and down.
-    eye: vec4<f32>,
-    way: vec4<f32>,
-    way_right: vec4<f32>,
-    way_down: vec4<f32>,
-    // Of outline and guard band, in the quilt's clip space.
-    corners: array<vec4<f32>, 8>,
-    tint: vec4<f32>,
-    near: f32,
-    // log2 of the pixels that detail may be lost over.
-    tolerance_log2: f32,
-    padding: vec2<u32>,
-}
 
 // Pages of one raster or image.
 struct Source {
@@ -81,12 +40,6 @@ struct Source {
     padding: vec2<u32>,
     // The table's entry of every level's first page.
     entries: array<vec4<u32>, 6>,
-}
-
-struct Vertex {
-    @location(0) post: vec2<u32>,
-    @location(1) height_m: f32,
-    @location(2) patch_number: u32,
 }
 
 struct Varyings {
@@ -112,9 +65,6 @@ struct Surface {
     down: vec3<f32>,
 }
 
-@group(0) @binding(0) var<uniform> terrain: Terrain;
-// The panel that is drawn.
-@group(0) @binding(1) var<uniform> view: TerrainView;
 @group(0) @binding(2) var<uniform> sources: array<Source, 3>;
 // Per page of all sources: slot << 12 | faded in (of 127) << 5 | levels coarser.
 @group(0) @binding(3) var<storage, read> table: array<u32>;
@@ -128,12 +78,9 @@ struct Surface {
 
 @vertex
 fn vertex(in: Vertex) -> CutVaryings {
-    let post = vec2<f32>(vec2<i32>(in.post) - terrain.origin_post);
-    let place = vec4(post, in.height_m - terrain.origin_height_m, 1.0);
+    let place = placed(in);
     var out: CutVaryings;
-    out.position = vec4(
-        dot(view.x, place), dot(view.y, place), view.near, dot(view.w, place)
-    );
+    out.position = position(place);
     for (var k = 0u; k < 4u; k++) {
         out.inside[k] = dot(view.edges[k], place);
         out.inside_too[k] = dot(view.edges[k + 4u], place);
@@ -152,17 +99,6 @@ fn outline(@builtin(vertex_index) number: u32) -> @builtin(position) vec4<f32> {
 }
 
 // ---------------------------------------------------------------- pages
-
-struct Slot {
-    corner: vec2<f32>,
-    layer: i32,
-}
-
-fn place_of_slot(slot: u32) -> Slot {
-    let row = slot / COLUMNS;
-    let cell = vec2<f32>(f32(slot % COLUMNS), f32(row % COLUMNS));
-    return Slot(cell * SIDE + GUTTER, i32(row / COLUMNS));
-}
 
 // The share of heights' range, how it grows with a texel along x and y, and the share of valid posts. Decoded before texels
 // are blended: samplers blend bytes to some 8 bits, where the height has 24.
@@ -312,14 +248,6 @@ fn facet(right: vec3<f32>, down: vec3<f32>) -> vec3<f32> {
     let metric = vec3<f32>(terrain.spacing_m.x, -terrain.spacing_m.y, 1.0);
     let normal = cross(right * metric, down * metric);
     return normal * (select(-1.0, 1.0, normal.z >= 0.0) / max(length(normal), 1e-30));
-}
-
-// Hues a golden angle apart, so that neighbours differ.
-fn hue(number: u32) -> vec3<f32> {
-    let turn = fract(f32(number & 0xffffu) * 0.618034) * 6.0;
-    return clamp(
-        abs(vec3(turn - 3.0, 2.0 - abs(turn - 2.0), 2.0 - abs(turn - 4.0))) - vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(1.0)
-    );
 }
 
 // Linear light; a hue lies over the colour by its share.

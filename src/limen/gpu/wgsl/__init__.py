@@ -1,0 +1,1 @@
+"""Shaders that others stand on: what kinds of content share."""
