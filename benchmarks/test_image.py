@@ -16,7 +16,7 @@ from limen.data.image.contrast import ContrastSurvey
 from limen.data.image.file import open_image
 from limen.data.pages import PAGE
 from limen.layers.image.select import select
-from limen.stream.pages import Stream
+from limen.stream.pages import PageStream
 from limen.study.bench import measure_walk, one_to_one_room, walk_viewers
 from limen.study.blank import Blank
 from limen.system import worker_count
@@ -43,8 +43,8 @@ def test_select_pages_of_416_panels(benchmark, policy):
 
 def test_stream_update_with_all_pages_resident(benchmark):
     cut = select(ROOM, tolerance_of(next(walk_viewers(1.0)), Policy()))
-    with Stream(Blank(ROOM.pyramid), slots=16_384, cpu_pages=16_384) as stream:
-        while stream.update(cut.pages, uploads=len(cut)).statistics.missing:
+    with PageStream(Blank(ROOM.pyramid), slots=16_384, kept=16_384) as stream:
+        while stream.update(cut.pages, budget=len(cut)).statistics.missing:
             stream.wait()
         benchmark(lambda: (stream.update(cut.pages), stream.drawable(cut.pair_page)))
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lands import GridLand
 
 from limen.errors import InputError
-from limen.layers.terrain.stream import PatchStream
+from limen.layers.terrain.patches import PatchPlaces, patch_stream
 
 HEIGHTS = np.add.outer(np.arange(65.0), np.arange(129.0))
 
@@ -31,13 +31,12 @@ class Buffers:
         self.vertices, self.indices = np.full(vertices, -1), np.full(indices, -1)
 
     def write(self, update):
-        for upload in update.uploads:
-            begin, first = upload.first_vertex, upload.first_index
+        for patch, (begin, first, _), content in update.arrived:
             assert first % 2 == 0, "copies are aligned to 4 bytes"
-            assert begin + len(upload.content.posts) <= len(self.vertices)
-            assert first + upload.content.core.size <= len(self.indices)
-            self.vertices[begin : begin + len(upload.content.posts)] = upload.patch
-            self.indices[first : first + upload.content.core.size] = upload.patch
+            assert begin + len(content.posts) <= len(self.vertices)
+            assert first + content.core.size <= len(self.indices)
+            self.vertices[begin : begin + len(content.posts)] = patch
+            self.indices[first : first + content.core.size] = patch
 
     def holds(self, patch, places, source):
         content = source.read_patch(patch)
@@ -60,11 +59,11 @@ def settle(stream, buffers, wanted, frames=400, **options):
 def test_what_is_wanted_becomes_resident_and_is_what_it_says():
     source = land()
     buffers = Buffers(60_000, 200_000)
-    with PatchStream(source, vertex_capacity=60_000, index_capacity=200_000) as stream:
+    with patch_stream(source, vertex_capacity=60_000, index_capacity=200_000) as stream:
         wanted = np.arange(len(source.patch_of))[::-1]
         update = settle(stream, buffers, wanted)
         assert update.statistics.missing == update.statistics.denied == 0
-        places = stream.places
+        places = PatchPlaces.of(stream.resident)
         assert places.resident.all()
         assert sorted(source.reads) == list(range(len(source.patch_of))), "every patch is read once"
         for patch in wanted.tolist():
@@ -76,9 +75,9 @@ def test_a_frame_never_waits_for_a_patch():
     source = land()
     read = source.read_patch
     source.read_patch = lambda patch: gate.wait(10) and read(patch)
-    with PatchStream(source, vertex_capacity=60_000, index_capacity=200_000) as stream:
+    with patch_stream(source, vertex_capacity=60_000, index_capacity=200_000) as stream:
         update = stream.update(np.arange(40))
-        assert update.uploads == []
+        assert update.arrived == []
         assert update.statistics.missing == 40
         gate.set()
 
@@ -88,12 +87,12 @@ def test_a_broken_patch_is_logged_once_and_never_asked_again(caplog):
     buffers = Buffers(60_000, 200_000)
     with (
         caplog.at_level(logging.WARNING),
-        PatchStream(source, vertex_capacity=60_000, index_capacity=200_000) as stream,
+        patch_stream(source, vertex_capacity=60_000, index_capacity=200_000) as stream,
     ):
         for _ in range(3):
             update = settle(stream, buffers, np.arange(12))
         assert update.statistics.failed == update.statistics.missing == 1
-        assert stream.places.resident[:12].tolist() == [patch != 7 for patch in range(12)]
+        assert PatchPlaces.of(stream.resident).resident[:12].tolist() == [patch != 7 for patch in range(12)]
     assert source.reads.count(7) == 1
     assert len([record for record in caplog.records if "patch 7" in record.getMessage()]) == 1
 
@@ -103,15 +102,15 @@ def test_the_least_recently_used_go_but_neither_roots_nor_what_is_wanted_or_draw
     exact = np.flatnonzero(source.patches.error_m == 0)  # 289 vertices each
     room = 2 * 25 + 4 * 289
     buffers = Buffers(room, 200_000)
-    with PatchStream(source, vertex_capacity=room, index_capacity=200_000) as stream:
+    with patch_stream(source, vertex_capacity=room, index_capacity=200_000) as stream:
         settle(stream, buffers, exact[:2])
         settle(stream, buffers, exact[2:4])
         settle(stream, buffers, exact[:1])  # used again: the second is now the oldest
         update = settle(stream, buffers, exact[4:5])
-        assert np.flatnonzero(stream.places.resident).tolist() == [0, 1, *exact[[0, 2, 3, 4]]]
-        update = settle(stream, buffers, exact[5:8], drawn=exact[:1])
+        assert np.flatnonzero(PatchPlaces.of(stream.resident).resident).tolist() == [0, 1, *exact[[0, 2, 3, 4]]]
+        update = settle(stream, buffers, exact[5:8], in_use=exact[:1])
         assert update.statistics.missing == 0
-        assert np.flatnonzero(stream.places.resident).tolist() == [0, 1, *exact[[0, 5, 6, 7]]]
+        assert np.flatnonzero(PatchPlaces.of(stream.resident).resident).tolist() == [0, 1, *exact[[0, 5, 6, 7]]]
 
 
 def test_what_does_not_fit_is_denied_and_the_most_important_come_first():
@@ -119,15 +118,15 @@ def test_what_does_not_fit_is_denied_and_the_most_important_come_first():
     exact = np.flatnonzero(source.patches.error_m == 0)
     room = 2 * 25 + 3 * 289 + 100
     buffers = Buffers(room, 200_000)
-    with PatchStream(source, vertex_capacity=room, index_capacity=200_000) as stream:
+    with patch_stream(source, vertex_capacity=room, index_capacity=200_000) as stream:
         update = settle(stream, buffers, exact[::-1])
         assert update.statistics.denied == len(exact) - 3
-        assert np.flatnonzero(stream.places.resident).tolist() == [0, 1, *exact[-3:]]
+        assert np.flatnonzero(PatchPlaces.of(stream.resident).resident).tolist() == [0, 1, *exact[-3:]]
 
 
 def test_too_little_room_for_the_roots_is_refused():
     with pytest.raises(InputError, match="coarsest patches of this terrain have 50 and 192"):
-        PatchStream(land(), vertex_capacity=49, index_capacity=1000)
+        patch_stream(land(), vertex_capacity=49, index_capacity=1000)
 
 
 @settings(deadline=None, max_examples=15)
@@ -135,8 +134,8 @@ def test_too_little_room_for_the_roots_is_refused():
 def test_ranges_never_overlap_under_any_walk(walk, room):
     source = LAND
     buffers = Buffers(room, 4 * room)
-    options = {"vertex_capacity": room, "index_capacity": 4 * room, "bytes_per_frame": 20_000, "cpu_patches": 16}
-    with PatchStream(source, **options) as stream:
+    options = {"vertex_capacity": room, "index_capacity": 4 * room, "bytes_per_frame": 20_000, "kept": 16}
+    with patch_stream(source, **options) as stream:
         for start, count in walk:
             wanted = np.arange(start, min(start + count, len(source.patch_of)))
             for _ in range(4):
@@ -144,10 +143,10 @@ def test_ranges_never_overlap_under_any_walk(walk, room):
                 buffers.write(update)
                 served = wanted[: len(wanted) - update.statistics.denied]  # the least important give way
                 assert not np.isin(update.evicted, served).any()
-                assert sum(16 * len(u.content.posts) + 2 * u.content.core.size for u in update.uploads[:-1]) < 20_000
-                assert update.statistics.decoded_waiting <= 16 + 2
+                assert sum(16 * len(u.item.posts) + 2 * u.item.core.size for u in update.arrived[:-1]) < 20_000
+                assert update.statistics.waiting <= 16 + 2
                 stream.wait(0.005)
-            places = stream.places
+            places = PatchPlaces.of(stream.resident)
             for patch in np.flatnonzero(places.resident).tolist():
                 buffers.holds(patch, places, source)
-            assert places.resident[:2].all() or update.statistics.queued or update.statistics.decoded_waiting
+            assert places.resident[:2].all() or update.statistics.queued or update.statistics.waiting

@@ -128,19 +128,19 @@ def test_a_chunk_that_cannot_be_read_is_given_up_and_the_others_come() -> None:
     wanted = np.arange(CLOUD.chunks)
     with PointStream(Broken(2), slots=99) as stream:  # type: ignore[arg-type]
         update = settled(stream, wanted)
-        assert update.missing == 1
-        assert update.failed == 1
-        assert (stream.resident.slots >= 0).sum() == CLOUD.chunks - 1
+        assert update.statistics.missing == 1
+        assert update.statistics.failed == 1
+        assert stream.resident.mask.sum() == CLOUD.chunks - 1
 
 
 def test_slots_hold_what_was_wanted_last_and_the_nodes_are_the_chunks() -> None:
     with PointStream(CLOUD, slots=2) as stream:
         settled(stream, np.array([0, 1]))
         update = settled(stream, np.array([3, 1, 4]))
-        assert update.denied == 1
-        slots = stream.resident.slots
+        assert update.statistics.denied == 1
+        slots = stream.nodes.slots
         assert sorted(np.flatnonzero(slots >= 0)) == [1, 3]
-        words = stream.resident.words[slots[3]]
+        words = stream.nodes.words[slots[3]]
         assert np.array_equal(words.reshape(-1), CLOUD.read_chunk(3).view(np.uint32))
         assert words.shape == (CHUNK_NODES, NODE.itemsize // 4)
 

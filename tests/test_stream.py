@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.errors import InputError, PageError
-from limen.stream.pages import FADE_S, Stream
+from limen.stream.pages import FADE_S, PageStream
 from processes import PYTHON, finished
 
 SIDE = PAGE + 2 * GUTTER
@@ -42,12 +42,12 @@ class Pool:
 
     def write(self, uploads):
         for upload in uploads:
-            self.slots[upload.slot] = int(upload.texels[0, 0, 0])
+            self.slots[upload.place[0]] = int(upload.item[0, 0, 0])
 
 
 def settle(stream, pool, wanted, frames=400):
     for _ in range(frames):
-        pool.write(stream.update(wanted).uploads)
+        pool.write(stream.update(wanted).arrived)
         if stream.settled:
             return
         stream.wait(0.05)
@@ -56,7 +56,7 @@ def settle(stream, pool, wanted, frames=400):
 
 def test_what_is_wanted_becomes_resident_and_is_what_it_says():
     source, pool = Source(), Pool()
-    with Stream(source, slots=64) as stream:
+    with PageStream(source, slots=64) as stream:
         wanted = np.arange(40)
         settle(stream, pool, wanted)
         drawable = stream.drawable(wanted)
@@ -67,9 +67,9 @@ def test_what_is_wanted_becomes_resident_and_is_what_it_says():
 
 def test_a_frame_never_waits_for_a_page():
     gate = threading.Event()
-    with Stream(Source(gate=gate), slots=64) as stream:
+    with PageStream(Source(gate=gate), slots=64) as stream:
         update = stream.update(np.arange(50))
-        assert update.uploads == []
+        assert update.arrived == []
         assert update.statistics.missing == 50
         assert (stream.drawable(np.arange(50)).slot == -1).all()
         gate.set()
@@ -78,7 +78,7 @@ def test_a_frame_never_waits_for_a_page():
 def test_the_nearest_resident_ancestor_is_drawn_meanwhile():
     source, pool = Source(), Pool()
     pyramid = source.pyramid
-    with Stream(source, slots=64) as stream:
+    with PageStream(source, slots=64) as stream:
         settle(stream, pool, np.array([pyramid.page_index(np.array([2]), np.array([1]), np.array([1]))[0]]))
         pages = pyramid.page_index(np.array([0, 0]), np.array([5, 15]), np.array([6, 0]))
         drawable = stream.drawable(pages)
@@ -95,11 +95,11 @@ def test_a_page_that_comes_late_fades_in_over_what_was_shown_before():
     pyramid, top = source.pyramid, len(source.pyramid.levels) - 1
     page = int(pyramid.page_index(0, 5, 6))
     parent = int(pyramid.page_index(2, 1, 1))
-    with Stream(source, slots=64) as stream:
+    with PageStream(source, slots=64) as stream:
         settle(stream, pool, np.array([parent]))  # no clock: there at once
         assert stream.drawable(np.array([parent])).share.tolist() == [1.0]
         while stream.drawable(np.array([page])).coarser.tolist()[0] != 0:
-            pool.write(stream.update(np.array([page]), now_s=10.0).uploads)
+            pool.write(stream.update(np.array([page]), now_s=10.0).arrived)
             stream.wait(0.05)
         before = None
         for now_s in np.linspace(10.0, 10.0 + 1.2 * FADE_S, 13):
@@ -120,7 +120,7 @@ def test_a_page_that_comes_late_fades_in_over_what_was_shown_before():
 
 def test_a_broken_page_is_logged_once_and_its_ancestor_stays(caplog):
     source, pool = Source(broken={3}), Pool()
-    with caplog.at_level(logging.WARNING), Stream(source, slots=64) as stream:
+    with caplog.at_level(logging.WARNING), PageStream(source, slots=64) as stream:
         for _ in range(3):
             settle(stream, pool, np.arange(8))
         assert stream.drawable(np.array([3])).coarser[0] == 1, "its parent is fetched in its stead"
@@ -133,13 +133,13 @@ def test_a_broken_page_is_logged_once_and_its_ancestor_stays(caplog):
 @given(st.lists(st.tuples(st.integers(0, 150), st.integers(1, 60)), min_size=1, max_size=12), st.integers(2, 24))
 def test_slots_and_pages_stay_in_step_under_any_walk(walk, slots):
     source, pool = Source(), Pool()
-    with Stream(source, slots=slots, uploads_per_frame=7, cpu_pages=16) as stream:
+    with PageStream(source, slots=slots, per_frame=7, kept=16) as stream:
         for start, count in walk:
             wanted = np.arange(start, min(start + count, source.pyramid.page_count))
             for _ in range(4):
                 update = stream.update(wanted)
-                pool.write(update.uploads)
-                assert len(update.uploads) <= 7
+                pool.write(update.arrived)
+                assert len(update.arrived) <= 7
                 stream.wait(0.01)
             drawable = stream.drawable(wanted)
             assert drawable.asked.tolist() == list(range(len(wanted)))
@@ -149,15 +149,15 @@ def test_slots_and_pages_stay_in_step_under_any_walk(walk, slots):
                 if slot >= 0 and coarser == 0:
                     assert pool.slots[slot] == page % 251
             assert update.statistics.resident <= slots
-            assert update.statistics.decoded_waiting <= 16 + 2
+            assert update.statistics.waiting <= 16 + 2
 
 
 def test_a_pool_too_small_for_a_frame_keeps_the_most_important():
     source, pool = Source(), Pool()
-    with Stream(source, slots=8) as stream:
+    with PageStream(source, slots=8) as stream:
         wanted = np.arange(30)
         for _ in range(60):
-            pool.write(stream.update(wanted).uploads)
+            pool.write(stream.update(wanted).arrived)
             stream.wait(0.02)
         drawable = stream.drawable(wanted)
         assert (drawable.slot >= 0).all(), "the pinned level serves the rest"
@@ -166,7 +166,7 @@ def test_a_pool_too_small_for_a_frame_keeps_the_most_important():
 
 def test_uploads_respect_the_budget_and_the_least_recently_used_go_first():
     source, pool = Source(), Pool()
-    with Stream(source, slots=12, uploads_per_frame=3) as stream:
+    with PageStream(source, slots=12, per_frame=3) as stream:
         settle(stream, pool, np.arange(6))
         settle(stream, pool, np.arange(6, 11))  # fills the pool
         settle(stream, pool, np.arange(3, 6))  # 3..5 are used again
@@ -177,25 +177,25 @@ def test_uploads_respect_the_budget_and_the_least_recently_used_go_first():
 
 
 def test_closing_in_the_middle_of_work_returns():
-    stream = Stream(Source(), slots=64)
+    stream = PageStream(Source(), slots=64)
     stream.update(np.arange(60))
     stream.close()
     with pytest.raises(InputError, match="too small"):
-        Stream(Source(), slots=1)
+        PageStream(Source(), slots=1)
 
 
 def test_a_program_that_fails_before_it_closes_a_stream_ends():
     program = """
 import numpy as np
 from limen.data.pages import Pyramid
-from limen.stream.pages import Stream
+from limen.stream.pages import PageStream
 
 class Source:
     pyramid = Pyramid.of((4096, 2048))
     def read_page(self, page):
         return np.zeros((264, 264, 4), np.uint8)
 
-stream = Stream(Source(), slots=64)
+stream = PageStream(Source(), slots=64)
 stream.update(np.arange(8))
 raise SystemExit(3)
 """

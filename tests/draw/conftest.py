@@ -74,16 +74,15 @@ class Studio:
         self.pool.destroy()
 
     def stream(self, image: MemoryImage) -> Any:
-        from limen.stream.pages import Stream
+        from limen.stream.pages import PageStream
 
-        return Stream(image, self.pool.slots)
+        return PageStream(image, self.pool.slots)
 
     def settle(self, stream: Any, cut: Any) -> None:
-        while True:
-            self.pool.write(stream.update(cut.pages).uploads)
-            if stream.settled:
-                return
-            stream.wait()
+        from limen.stream.chunks import completed
+
+        for _, update in completed([(stream, cut.pages)]):
+            self.pool.write(update.arrived)
 
     def draw(
         self,

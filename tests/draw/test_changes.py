@@ -126,14 +126,14 @@ def test_a_page_that_fades_in_is_mixed_with_the_one_it_replaces(shape: str, stud
     with studio.stream(image) as stream:
 
         def shown(now_s: float) -> Any:
-            studio.pool.write(stream.update(cut.pages, now_s=now_s).uploads)
+            studio.pool.write(stream.update(cut.pages, now_s=now_s).arrived)
             drawable = drawable_of(stream, view, cut)
             assert flat == (drawable.table is None)
             return layer.read(layer.draw(cut, drawable, nobody, quilt, eye_m=eye_m))[..., :3].copy()
 
         pinned = np.array([image.pyramid.page_count - 1])
         while not stream.update(pinned).statistics.resident:
-            studio.pool.write(stream.update(pinned).uploads)
+            studio.pool.write(stream.update(pinned).arrived)
             stream.wait()
         while not stream.settled or stream.update(cut.pages, now_s=5.0).statistics.missing:
             shown(5.0)

@@ -25,7 +25,7 @@ from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.common.matching import MATCHED, least_cosine, matched_rows
 from limen.layers.terrain.look_at import LookAt, room_from_posts
-from limen.stream.pages import Stream
+from limen.stream.pages import PageStream
 from limen.viewing.camera import Camera
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnShape, OnSurface
@@ -72,12 +72,12 @@ def pair(**fields: Any) -> Display:
 @pytest.fixture
 def tools(device: Any, studio: Any, memory_image: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Tools]:
     """Pages stay in their slots from picture to picture: from another one, some pixels are rounded to the next code."""
-    kept: list[Stream] = []
+    kept: list[PageStream] = []
 
     @contextmanager
-    def stream(image: Any) -> Iterator[Stream]:
+    def stream(image: Any) -> Iterator[PageStream]:
         if not kept:
-            kept.append(Stream(image, studio.pool.slots))
+            kept.append(PageStream(image, studio.pool.slots))
         yield kept[0]
 
     monkeypatch.setattr(studio, "stream", stream)

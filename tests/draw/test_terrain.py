@@ -17,8 +17,9 @@ from limen.display.quilt import pack
 from limen.layers.terrain.borders import RimPool
 from limen.layers.terrain.look import SEA, TerrainLook, hypsometric_ramp, panel_tints, toward_sun
 from limen.layers.terrain.look_at import LookAt, room_from_posts
-from limen.layers.terrain.stream import PatchStream
-from limen.stream.pages import PageTable, Stream
+from limen.layers.terrain.patches import PatchPlaces, patch_stream
+from limen.stream.chunks import completed
+from limen.stream.pages import PageStream, PageTable
 from limen.viewing.projection import Windows
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
@@ -100,8 +101,8 @@ class Stage:
             background=(1, 0, 1),
             **room,
         )
-        self.patches = PatchStream(land, **room)
-        self.streams = [Stream(source, pool.slots) for source, pool in zip(sources, self.pools, strict=True)]
+        self.patches = patch_stream(land, **room)
+        self.streams = [PageStream(source, pool.slots) for source, pool in zip(sources, self.pools, strict=True)]
         self.pages = self.tables()
 
     def tables(self) -> Any:
@@ -110,23 +111,16 @@ class Stage:
         return PageTables(*(stream.table() for stream in self.streams))
 
     def load(self, patches: Any, pages: Any = None) -> None:
-        while True:
-            update = self.patches.update(patches)
-            self.layer.write(update.uploads)
+        for _, update in completed([(self.patches, patches)]):
+            self.layer.write(update.arrived)
             for patch in update.evicted:
                 self.rims.remove(patch)
-            for upload in update.uploads:
-                self.rims.add(upload.patch, upload.content, upload.first_vertex)
-            if self.patches.settled:
-                break
-            self.patches.wait()
+            for patch, (first_vertex, *_), content in update.arrived:
+                self.rims.add(patch, content, first_vertex)
         for stream, pool in zip(self.streams, self.pools, strict=True):
             wanted = np.arange(stream._pyramid.page_count) if pages is None else pages
-            while True:
-                pool.write(stream.update(wanted).uploads)
-                if stream.settled:
-                    break
-                stream.wait()
+            for _, update in completed([(stream, wanted)]):
+                pool.write(update.arrived)
         self.pages = self.tables()
 
     def draw(
@@ -143,13 +137,15 @@ class Stage:
         if joined:
             triangles, panel_first = self.rims.fans(cut.pair_panel, cut.pair_patch, count)
         else:  # every rim as it is without neighbours
-            places = self.patches.places
+            places = PatchPlaces.of(self.patches.resident)
             each = [self.land.read_patch(int(patch)).rims + places.first_vertex[patch] for patch in patches]
             triangles, panel_first = np.concatenate(each).astype(np.uint32), np.arange(count + 1) * sum(map(len, each))
             triangles = np.tile(triangles, (count, 1))
         rims = Rims(triangles.reshape(-1), panel_first * 3)
         options = {"look": TerrainLook("plain"), "allowed_px": np.full(count, 0.5)} | options
-        texture = self.layer.draw(self.windows, eyes, room, cut, self.patches.places, rims, pages=self.pages, **options)
+        texture = self.layer.draw(
+            self.windows, eyes, room, cut, PatchPlaces.of(self.patches.resident), rims, pages=self.pages, **options
+        )
         return self.layer.read(texture)[..., :3]
 
     def close(self) -> None:

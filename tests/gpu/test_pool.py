@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from limen.data.pages import GUTTER, PAGE
 from limen.errors import DeviceLimitError
 from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.pool import PAGE_SIDE, PagePool
-from limen.stream.pages import Upload
+from limen.stream.chunks import Arrival
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -26,10 +25,6 @@ def _counts() -> dict[str, int]:
     gc.collect()
     counts = wgpu.diagnostics.object_counts.get_dict()
     return {name: row["count"] for name, row in counts.items() if name in ("Buffer", "Texture", "TextureView")}
-
-
-def test_pages_have_the_size_that_images_give_them() -> None:
-    assert PAGE_SIDE == PAGE + 2 * GUTTER
 
 
 @pytest.mark.parametrize(
@@ -61,9 +56,9 @@ def test_only_whole_pages_go_into_slots_that_exist(device: Any) -> None:
     pool = PagePool(device, ROW_BYTES)
     page = np.zeros((PAGE_SIDE, PAGE_SIDE, 4), np.uint8)
     with pytest.raises(ValueError, match="slot 15 is not in a pool of 15"):
-        pool.write([Upload(15, page)])
+        pool.write([Arrival(0, (15,), page)])
     with pytest.raises(ValueError, match="264 x 264"):
-        pool.write([Upload(0, page[4:-4, 4:-4])])
+        pool.write([Arrival(0, (0,), page[4:-4, 4:-4])])
     pool.destroy()
 
 
@@ -71,7 +66,7 @@ def test_destroying_a_pool_leaves_no_object(device: Any) -> None:
     before = _counts()
     pool = PagePool(device, ROW_BYTES)
     assert _counts() != before
-    pool.write([Upload(3, np.zeros((PAGE_SIDE, PAGE_SIDE, 4), np.uint8))])
+    pool.write([Arrival(0, (3,), np.zeros((PAGE_SIDE, PAGE_SIDE, 4), np.uint8))])
     pool.destroy()
     del pool
     assert _counts() == before

@@ -9,6 +9,7 @@ import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
+from limen.data.pages import GUTTER, PAGE
 from limen.errors import DeviceLimitError
 from limen.gpu.device import Device
 
@@ -16,8 +17,8 @@ __all__ = ["PAGE_SIDE", "PageFormat", "PagePool", "Placed"]
 
 PageFormat: TypeAlias = Literal["rgba8unorm-srgb", "rgba8unorm"]
 
-PAGE_SIDE = 256 + 2 * 4
-"""Texels along a page with its gutters. `limen.data.pages` decides this; a test keeps the two equal."""
+PAGE_SIDE = PAGE + 2 * GUTTER
+"""Texels along a page with its gutters."""
 
 _COLUMNS = 15
 _LAYER_PX = 4096
@@ -26,13 +27,13 @@ _HEIGHTS_PX = (512, 1024, 2048, _LAYER_PX)
 
 
 class Placed(Protocol):
-    """A page and the slot it goes to; `limen.stream.pages.Upload` is one."""
+    """A page and the slot it goes to; a `limen.stream.chunks.Arrival` is one."""
 
     @property
-    def slot(self) -> int: ...
+    def place(self) -> tuple[int, ...]: ...
 
     @property
-    def texels(self) -> NDArray[np.uint8]: ...
+    def item(self) -> NDArray[np.uint8]: ...
 
 
 class PagePool:
@@ -77,11 +78,11 @@ class PagePool:
     def write(self, uploads: Sequence[Placed]) -> None:
         """Copy pages into their slots; drawing that was submitted before still sees what was there."""
         for upload in uploads:
-            texels = np.ascontiguousarray(upload.texels)
+            texels = np.ascontiguousarray(upload.item)
             if texels.shape != (PAGE_SIDE, PAGE_SIDE, 4) or texels.dtype != np.uint8:
                 raise ValueError(f"a page has {PAGE_SIDE} x {PAGE_SIDE} RGBA bytes, got {texels.dtype} {texels.shape}")
             self._queue.write_texture(
-                {"texture": self._texture, "origin": self._origin(upload.slot)},
+                {"texture": self._texture, "origin": self._origin(upload.place[0])},
                 texels,
                 {"bytes_per_row": PAGE_SIDE * 4, "rows_per_image": PAGE_SIDE},
                 (PAGE_SIDE, PAGE_SIDE, 1),

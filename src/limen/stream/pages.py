@@ -1,22 +1,8 @@
-"""From wanted to resident: pages are decoded in the background and placed in slots, and no frame waits.
-
-A page is in one of these states::
-
-    absent ──wanted──> queued ──a worker takes it──> decoding ──> decoded ──upload budget──> resident
-       ^                 │ no longer wanted              │ PageError                            │ least
-       └─────────────────┘                               v                                      │ recently used
-       ^                                               failed (logged once, never asked again)  │
-       └────────────────────────────────────────────────────────────────────────────────────────┘
-
-`Stream.update` takes a frame's wishes and returns, as a value, what the frame may draw with: pages to upload
-into slots, and for every wanted page the nearest resident ancestor. The coarsest level is pinned, so an
-ancestor is always there.
-"""
+"""Pages of images on their way to the slots of a pool, and which of them are drawn while others are on theirs."""
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -24,28 +10,25 @@ from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
 from limen.errors import InputError
-from limen.stream.fetch import Fetcher
+from limen.stream.allocators import Slots
+from limen.stream.chunks import ChunkStream, Index
 
-__all__ = ["FADE_S", "Drawable", "PageSource", "PageTable", "Statistics", "Stream", "Update", "Upload", "page_table"]
+__all__ = ["FADE_S", "Drawable", "PageSource", "PageStream", "PageTable", "page_table"]
 
 FADE_S = 0.2
-_NO_PAGE = 0xFFFF_FFFF
 """How long a page that came late takes to replace the coarser one shown in its place: a change of 2.5 Hz, at which the
 eye is no more sensitive to fine detail than if it stood still (castleCSF, Ashraf et al. 2024)."""
 
+_NO_PAGE = 0xFFFF_FFFF
+
 
 class PageSource(Protocol):
-    """What a stream reads from; `limen.Image` is one."""
+    """What pages are read from; `limen.Image` is one."""
 
     @property
     def pyramid(self) -> Pyramid: ...
 
     def read_page(self, page: int) -> NDArray[np.uint8]: ...
-
-
-class Upload(NamedTuple):
-    slot: int
-    texels: NDArray[np.uint8]  # (PAGE + 2 GUTTER, PAGE + 2 GUTTER, 4)
 
 
 class Drawable(NamedTuple):
@@ -83,41 +66,18 @@ class PageTable(NamedTuple):
     fade: NDArray[np.float32]
 
 
-@dataclass(frozen=True, slots=True)
-class Statistics:
-    """One frame of a stream."""
-
-    wanted: int
-    needed: int  # wanted, and not resident when the frame began
-    missing: int  # wanted, and not resident after its uploads either: drawn from an ancestor
-    uploads: int
-    decoded_waiting: int
-    queued: int
-    failed: int
-    resident: int
-    update_ms: float
-
-
-@dataclass(frozen=True, slots=True)
-class Update:
-    uploads: list[Upload]
-    statistics: Statistics
-    version: int
-    """Grows whenever a page became resident or was evicted."""
-
-
-class Stream:
-    """Pages of one image on their way to the slots of a pool.
+class PageStream(ChunkStream[NDArray[np.uint8]]):
+    """Pages of one image on their way to the slots of a pool; the one page of the coarsest level is pinned.
 
     Parameters
     ----------
     source
-        Where pages are read, from several threads at once.
+        Where pages are read, from several threads at once: (PAGE + 2 GUTTER, PAGE + 2 GUTTER, 4) texels each.
     slots
         How many pages the pool holds.
-    cpu_pages
+    kept
         How many decoded pages may wait in memory for their upload.
-    uploads_per_frame
+    per_frame
         Most pages handed over by one `update`.
     threads
         Decoding threads.
@@ -125,89 +85,30 @@ class Stream:
     Raises
     ------
     InputError
-        If there is not room for the pinned level and one page more.
+        If there is not room for the pinned page and one more.
     """
 
     def __init__(
-        self, source: PageSource, slots: int, *, cpu_pages: int = 512, uploads_per_frame: int = 64, threads: int = 2
+        self, source: PageSource, slots: int, *, kept: int = 512, per_frame: int = 64, threads: int = 2
     ) -> None:
-        pyramid = source.pyramid
         if slots < 2:
             raise InputError(f"a pool of {slots} pages is too small: at least 2 are needed")
-        self._pyramid = pyramid
-        self._uploads_per_frame = uploads_per_frame
-        self._slot_of = np.full(pyramid.page_count, -1, dtype=np.int32)
-        self._page_in = np.full(slots, -1, dtype=np.int64)
-        self._last_used = np.full(slots, -1, dtype=np.int64)
-        self._placed_s = np.full(slots, -np.inf)
-        self._now_s = np.inf
-        self._frame = 0
-        self._version = 0
-        self._pinned = pyramid.page_count - 1  # the one page of the coarsest level
-        self._fetcher = Fetcher(source.read_page, kept=cpu_pages, threads=threads, name="page", cost=lambda _: 1)
+        self._pyramid = source.pyramid
+        super().__init__(_Pages(source), Slots(slots), name="page", per_frame=per_frame, kept=kept, threads=threads)
 
-    # ------------------------------------------------------------------ what a frame does
-
-    def update(
-        self,
-        wanted: NDArray[np.int64],
-        *,
-        soon: NDArray[np.int64] | None = None,
-        uploads: int | None = None,
-        now_s: float = np.inf,
-    ) -> Update:
-        """One frame: queue what is missing, hand over what is decoded. Never waits for a page.
-
-        Parameters
-        ----------
-        wanted
-            Distinct page numbers, the most important first.
-        soon
-            Pages that will be wanted shortly: they come after all others, in whatever room is left.
-        uploads
-            Another upload budget for this frame.
-        now_s
-            The time that pages fade in by; without it they are there at once.
-        """
-        begin = time.perf_counter()
-        self._now_s = now_s
-        self._frame += 1
-        room = len(self._page_in) - 1  # what the pool can hold beside the pinned page
-        missing = self._touch(self._without_failed(wanted)[:room])
-        if self._slot_of[self._pinned] < 0:
-            missing = np.concatenate([np.array([self._pinned]), missing[missing != self._pinned]])
-        needed = len(missing)
-        if soon is not None:
-            later = np.setdiff1d(soon, wanted, assume_unique=True)[: max(0, room - len(wanted))]
-            missing = np.concatenate([missing, self._touch(later)])
-        budget = self._uploads_per_frame if uploads is None else uploads
-        ready, pending = self._fetcher.exchange(missing.tolist(), budget)
-        placed = self._place(ready)
-        statistics = Statistics(
-            wanted=len(wanted),
-            needed=needed,
-            missing=int((self._slot_of[wanted] < 0).sum()),
-            uploads=len(placed),
-            decoded_waiting=pending.decoded,
-            queued=pending.queued,
-            failed=pending.failed,
-            resident=int((self._page_in >= 0).sum()),
-            update_ms=(time.perf_counter() - begin) * 1e3,
-        )
-        return Update(placed, statistics, self._version)
-
-    def drawable(self, pages: NDArray[np.int64]) -> Drawable:
+    def drawable(self, pages: Index) -> Drawable:
         """The nearest resident page of each (itself, or an ancestor), with its own ancestors while it fades in."""
         level, column, row = self._pyramid.page_of(pages)
-        found: list[tuple[NDArray[np.int64], NDArray[np.int32], int, NDArray[np.float32], NDArray[np.float32]]] = []
+        found: list[tuple[Index, NDArray[np.int32], int, NDArray[np.float32], NDArray[np.float32]]] = []
         pending = np.arange(len(pages))
         left = np.ones(len(pages), dtype=np.float32)
         top = len(self._pyramid.levels) - 1
         for step in range(top + 1):
             page = self._pyramid.page_index(level[pending] + step, column[pending] >> step, row[pending] >> step)
-            slot = self._slot_of[page]
-            fade = np.where(level[pending] + step < top, self._fade(slot), 1.0).astype(np.float32)
+            slot = self._place_of[page, 0].astype(np.int32)
+            fade = np.where(level[pending] + step < top, self._fade(page), 1.0).astype(np.float32)
             here = slot >= 0
+            self.touch(page[here])
             found.append((pending[here], slot[here], step, (left[pending] * fade)[here], 1 - left[pending[here]]))
             left[pending[here]] *= 1 - fade[here]
             # A page without anything is asked about up to the top; what is left of the others, while they fade.
@@ -221,101 +122,49 @@ class Stream:
         order = np.argsort(asked, kind="stable")
         coarser = np.concatenate([np.full(len(each[0]), each[2], np.int32) for each in found])[order]
         slots, shares, over = (np.concatenate([each[part] for each in found])[order] for part in (1, 3, 4))
-        used = slots[slots >= 0]
-        self._last_used[used] = np.maximum(self._last_used[used], self._frame)
         return Drawable(asked[order], slots, coarser, shares, over)
 
     def table(self) -> PageTable:
         """`drawable` for every page of the pyramid, for shaders that look pages up for themselves."""
-        slot = self._slot_of.copy()
-        coarser = np.zeros(len(slot), dtype=np.int32)
+        shown = np.where(self._place_of[:, 0] >= 0, np.arange(len(self._place_of)), -1)
+        coarser = np.zeros(len(shown), dtype=np.int32)
         levels = self._pyramid.levels
         for number in range(len(levels) - 2, -1, -1):
             level, parent = levels[number], levels[number + 1]
             own = slice(level.first_page, level.first_page + level.columns * level.rows)
             above = slice(parent.first_page, parent.first_page + parent.columns * parent.rows)
             rows, columns = np.arange(level.rows) >> 1, np.arange(level.columns) >> 1
-            inherited = slot[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel()
+            inherited = shown[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel()
             distance = coarser[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel() + 1
-            absent = slot[own] < 0
-            slot[own] = np.where(absent, inherited, slot[own])
+            absent = shown[own] < 0
+            shown[own] = np.where(absent, inherited, shown[own])
             coarser[own] = np.where(absent, distance, 0)
-        fade = self._fade(slot)
-        fade[slot == self._slot_of[self._pinned]] = 1.0  # nothing coarser is there to fade from
+        slot = np.where(shown < 0, -1, self._place_of[shown, 0]).astype(np.int32)
+        # Of the coarsest page all is there: nothing coarser could be shown meanwhile.
+        fade = np.where(shown == self._pinned[0], 1.0, self._fade(shown)).astype(np.float32)
         return PageTable(slot, coarser, fade)
 
-    def _fade(self, slots: NDArray[np.int32]) -> NDArray[np.float32]:
-        """How much of the pages in these slots has faded in."""
-        if self._now_s == np.inf:
-            return np.ones(len(slots), dtype=np.float32)
-        return np.clip((self._now_s - self._placed_s[slots]) / FADE_S, 0.0, 1.0).astype(np.float32)
+    def _fade(self, pages: Index) -> NDArray[np.float32]:
+        """How much of these pages has faded in."""
+        if self._now_s == math.inf:
+            return np.ones(len(pages), dtype=np.float32)
+        return np.clip((self._now_s - self._since_s[pages]) / FADE_S, 0.0, 1.0).astype(np.float32)
 
-    @property
-    def idle(self) -> bool:
-        """Nothing is queued or being decoded."""
-        return self._fetcher.idle
 
-    @property
-    def settled(self) -> bool:
-        """Nothing is queued, being decoded, or waiting for its upload."""
-        return self._fetcher.settled
+class _Pages:
+    """Pages as chunks; where one cannot be read, the coarser page that holds it stands in for it."""
 
-    def wait(self, timeout_s: float = 1.0) -> None:
-        """Sleep until a page has been decoded (for offscreen pictures; a live frame never calls this)."""
-        self._fetcher.wait(timeout_s)
+    def __init__(self, source: PageSource) -> None:
+        self._pyramid = source.pyramid
+        self.count, self.read = source.pyramid.page_count, source.read_page
+        self.pinned = np.array([self.count - 1])
 
-    def close(self) -> None:
-        """Stop the workers; pages being decoded are finished first."""
-        self._fetcher.close()
-
-    def __enter__(self) -> Stream:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    # ------------------------------------------------------------------ steps of an update
-
-    def _without_failed(self, wanted: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The wanted pages, those that cannot be read replaced by their nearest coarser page that can."""
-        failed = self._fetcher.failed
-        if not failed:
-            return wanted
-        pages: dict[int, None] = {}  # keeps the order, most important first
-        for page in wanted.tolist():
-            level, column, row = self._pyramid.page_of(page)
-            while page in failed and level + 1 < len(self._pyramid.levels):
-                level, column, row = level + 1, column >> 1, row >> 1
-                page = self._pyramid.page_index(level, column, row)
-            pages[page] = None
-        return np.fromiter(pages, dtype=np.int64, count=len(pages))
-
-    def _touch(self, pages: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Mark pages as used by this frame; returns those that are not resident, in their order."""
-        slots = self._slot_of[pages]
-        self._last_used[slots[slots >= 0]] = self._frame
-        return pages[slots < 0]
-
-    def _place(self, ready: list[tuple[int, NDArray[np.uint8]]]) -> list[Upload]:
-        """Give each page a slot: a free one, else the least recently used (never one that this frame wants)."""
-        if not ready:
-            return []
-        pinned_slot = self._slot_of[self._pinned]
-        age = self._last_used.copy()
-        if pinned_slot >= 0:
-            age[pinned_slot] = np.iinfo(np.int64).max
-        oldest = np.argpartition(age, len(ready) - 1)[: len(ready)]
-        placed = []
-        for (page, texels), slot in zip(ready, oldest.tolist(), strict=True):
-            evicted = self._page_in[slot]
-            if evicted >= 0:
-                self._slot_of[evicted] = -1
-            self._page_in[slot], self._slot_of[page] = page, slot
-            self._last_used[slot] = self._frame
-            self._placed_s[slot] = self._now_s if self._now_s < np.inf else -np.inf
-            placed.append(Upload(slot, texels))
-        self._version += bool(placed)
-        return placed
+    def parents(self, chunks: Index) -> Index:
+        level, column, row = self._pyramid.page_of(chunks)
+        top = level + 1 >= len(self._pyramid.levels)
+        up = (~top).astype(np.int64)
+        above = self._pyramid.page_index(level + up, column >> up, row >> up)
+        return np.where(top, -1, above)
 
 
 def page_table(table: PageTable) -> NDArray[np.uint32]:

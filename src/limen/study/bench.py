@@ -24,7 +24,8 @@ from limen.layers.image.draw.drawer import Sampling
 from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.renderer import LOOKAHEAD_S, Renderer, select_ahead
 from limen.layers.image.select import View, select, view_of
-from limen.stream.pages import Stream
+from limen.stream.chunks import completed
+from limen.stream.pages import PageStream
 from limen.study.bench_lens import LensRow, bench_lens
 from limen.study.bench_panels import PanelsRow, bench_panels
 from limen.study.blank import Blank
@@ -153,7 +154,7 @@ def measure_walk(view: View, policy: Policy, seconds: float, ahead_s: float) -> 
     """Select and stream every frame with 64 uploads each, decoding (of blank pages) always done in time."""
     walk = Walk([], [], [], [])
     earlier: tuple[Viewer, ...] = ()
-    with Stream(Blank(view.pyramid), slots=16_384, cpu_pages=16_384, uploads_per_frame=64) as stream:
+    with PageStream(Blank(view.pyramid), slots=16_384, kept=16_384, per_frame=64) as stream:
         for number, viewers in enumerate(walk_viewers(seconds)):
             begin = time.perf_counter()
             cut = select(view, tolerance_of(viewers, policy))
@@ -166,9 +167,8 @@ def measure_walk(view: View, policy: Policy, seconds: float, ahead_s: float) -> 
             while not stream.idle:
                 stream.wait(0.01)
             if number == 0:  # start with what the first place needs, as after standing there
-                while not stream.settled:
-                    stream.update(cut.pages, uploads=len(cut))
-                    stream.wait()
+                for _ in completed([(stream, cut.pages)]):
+                    pass
             elif number >= 60:
                 walk.select_ms.append((middle - begin) * 1e3)
                 walk.stream_ms.append((end - middle) * 1e3)

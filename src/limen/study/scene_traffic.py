@@ -18,6 +18,7 @@ from limen.layers.common.contrast_scale import shares_of_policy
 from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
 from limen.layers.points.select import PointTree, Sight, select_points
 from limen.layers.points.stream import PointStream
+from limen.stream.chunks import completed
 from limen.study.traffic import FRAMES_PER_S
 from limen.track.session import Frame, Session
 from limen.viewing.projection import PanelViews, Windows, guard_of
@@ -170,13 +171,11 @@ class _Splats:
 
     def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
         sight = Sight(views, self._stands, _allowed(frame, policy), policy, shares)
-        cut = select_points(self._tree, self._stream.resident, sight)
-        if (self._stream.resident.slots[cut.wanted] < 0).any():
-            self._stream.update(cut.wanted, most=_SLOTS)
-            while not self._stream.settled:
-                self._stream.wait()
-                self._stream.update(cut.wanted, most=_SLOTS)
-            cut = select_points(self._tree, self._stream.resident, sight)
+        cut = select_points(self._tree, self._stream.nodes, sight)
+        if not self._stream.resident.mask[cut.wanted].all():
+            for _ in completed([(self._stream, cut.wanted)]):
+                pass
+            cut = select_points(self._tree, self._stream.nodes, sight)
         return _Counted(len(cut), _SPLAT_BYTES * len(np.unique(cut.pairs[:, 0])), cut.reached)
 
     def close(self) -> None:

@@ -27,7 +27,8 @@ from limen.layers.image.cut import Cut
 from limen.layers.image.draw.drawer import ImageLayer, Overlay, Sampling, drawable_of
 from limen.layers.image.draw.lens_mesh import Triangles
 from limen.layers.image.select import View, select, view_of
-from limen.stream.pages import Stream
+from limen.stream.chunks import completed
+from limen.stream.pages import PageStream
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface, Placement, carried_lenses
 from limen.viewing.tolerance import Policy, Tolerance, tolerance_of
@@ -114,10 +115,10 @@ class Renderer:
         self.quilts = self._pack()
         self._pool = PagePool(device, gpu_bytes)
         self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling)
-        self._stream = Stream(
+        self._stream = PageStream(
             image,
             self._pool.slots,
-            uploads_per_frame=uploads_per_frame,
+            per_frame=uploads_per_frame,
             threads=threads or max(2, os.cpu_count() or 2),
         )
         self._parts: dict[Quilt, View] = {}
@@ -153,13 +154,13 @@ class Renderer:
         update = self._stream.update(cut.pages, soon=soon, now_s=begin if now_s is None else now_s)
         drawable = drawable_of(self._stream, self.view, cut)
         streamed = time.perf_counter()
-        self._pool.write(update.uploads)
+        self._pool.write(update.arrived)
         for each in [quilt] if quilt else self.quilts:
             self._layer.draw(
                 cut, drawable, tolerance, each, eye_m=eye_m, overlay=overlay, target=target, target_format=target_format
             )
         clock = (begin, selected, streamed, time.perf_counter())
-        return self._report(viewers, policy, cut, update.statistics.missing, len(update.uploads), clock)
+        return self._report(viewers, policy, cut, update.statistics.missing, len(update.arrived), clock)
 
     # ------------------------------------------------------------------ complete
 
@@ -280,14 +281,11 @@ class Renderer:
 
     def _fetch(self, cut: Cut) -> tuple[int, int]:
         """Wait until all pages of a cut are resident or have failed: (failed, uploaded)."""
-        uploaded = 0
-        while True:
-            update = self._stream.update(cut.pages, uploads=len(cut) + 1)
-            self._pool.write(update.uploads)
-            uploaded += len(update.uploads)
-            if self._stream.settled:
-                return update.statistics.missing, uploaded
-            self._stream.wait()
+        missing = uploaded = 0
+        for _, update in completed([(self._stream, cut.pages)]):
+            self._pool.write(update.arrived)
+            missing, uploaded = update.statistics.missing, uploaded + len(update.arrived)
+        return missing, uploaded
 
 
 def _no_lenses(_time_s: float) -> tuple[Lens, ...]:

@@ -28,6 +28,7 @@ from limen.layers.common.simulator import LitDisplay
 from limen.layers.points.draw.drawer import PointsLayer, PointsOverlay, Shape, SplatMethod
 from limen.layers.points.select import PointCut, PointTree, Sight, select_points
 from limen.layers.points.stream import CHUNK_BYTES, PointStream
+from limen.stream.chunks import Update, completed
 from limen.viewing.camera import Camera
 from limen.viewing.placement import mesh_in_room
 from limen.viewing.projection import Windows, guard_of
@@ -274,30 +275,30 @@ class PointsRenderer:
             tolerance_of(viewers, policy.eyesight, self.motion), self._throttle.within(policy),
             shares_of_policy(policy, self._whites), self.lit,
         )  # fmt: skip
-        cut = select_points(self._tree, self._stream.resident, sight)
-        return _Chosen(quilt, windows, sight, cut, time.perf_counter() - begin, self._stream.generation)
+        cut = select_points(self._tree, self._stream.nodes, sight)
+        return _Chosen(quilt, windows, sight, cut, time.perf_counter() - begin, self._stream.resident.generation)
 
-    def _ask(self, chosen: Sequence[_Chosen], most: int | None = None) -> float:
+    def _ask(self, chosen: Sequence[_Chosen]) -> float:
         """Ask for chunks, take those that have been read; seconds that took."""
         begin = time.perf_counter()
         wanted = np.concatenate([each.cut.wanted for each in chosen])
         _, first = np.unique(wanted, return_index=True)
-        update = self._stream.update(wanted[np.sort(first)], most=most)
-        frames = self.points.frames
-        for upload in update.uploads:
-            chunk = upload.chunk
-            self._layer.upload(
-                upload.slot, upload.nodes, frames.origin[chunk], float(frames.step[chunk]), float(frames.radius[chunk])
-            )
+        self._take(self._stream.update(wanted[np.sort(first)]))
         return time.perf_counter() - begin
+
+    def _take(self, update: Update[NDArray[Any]]) -> None:
+        """Copy what has come to where it is drawn from."""
+        frames = self.points.frames
+        for chunk, (slot,), nodes in update.arrived:
+            self._layer.upload(
+                slot, nodes, frames.origin[chunk], float(frames.step[chunk]), float(frames.radius[chunk])
+            )
 
     def _settled(self, quilt: Quilt, viewers: Sequence[Viewer], policy: Policy) -> _Chosen:
         """A choice with all chunks there that it wants and that can be read and kept."""
         chosen = self._choose(quilt, viewers, policy)
-        self._ask([chosen], most=self._stream.slots)
-        while not self._stream.settled:
-            self._stream.wait()
-            self._ask([chosen], most=self._stream.slots)
+        for _, update in completed([(self._stream, chosen.cut.wanted)]):
+            self._take(update)
         return self._choose(quilt, viewers, policy)
 
     def _complete(
@@ -329,8 +330,8 @@ class PointsRenderer:
         begin = time.perf_counter()
         cut, views = chosen.cut, chosen.sight.views
         # What was chosen before this frame's chunks came may lie in slots that they took.
-        if chosen.generation != self._stream.generation:
-            cut = select_points(self._tree, self._stream.resident, chosen.sight)
+        if chosen.generation != self._stream.resident.generation:
+            cut = select_points(self._tree, self._stream.nodes, chosen.sight)
         texture = self._layer.draw(
             chosen.windows, views.eye_m, self._room_from_cloud, cut.pairs, lit=self.lit, overlay=overlay,
             target=target, target_format=target_format, slot=slot,
@@ -344,7 +345,7 @@ class PointsRenderer:
             panels_active=int(views.facing.sum()),
             splats=len(cut),
             chunks=len(cut.wanted),
-            missing=int((self._stream.resident.slots[cut.wanted] < 0).sum()),
+            missing=int((~self._stream.resident.mask[cut.wanted]).sum()),
             max_error_px=cut.largest_px,
             distance_factor=cut.reached,
             select_ms=chosen.select_s * 1e3,

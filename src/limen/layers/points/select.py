@@ -38,7 +38,7 @@ from limen.viewing.tolerance import COUNTED, Policy, Tolerance
 if TYPE_CHECKING:
     from limen.data.points.file import Points  # Zarr takes half a second
 
-__all__ = ["TOP_ITEM", "PointCut", "PointTree", "Resident", "Sight", "select_points"]
+__all__ = ["TOP_ITEM", "PointCut", "PointTree", "ResidentNodes", "Sight", "select_points"]
 
 TOP_ITEM = 1 << 31
 """Set in the number of an item that is a top (its row among all tops); without it, it is ``slot * 4681 + node``."""
@@ -81,7 +81,7 @@ class PointTree:
         return len(self.steps)
 
 
-class Resident(NamedTuple):
+class ResidentNodes(NamedTuple):
     """Chunks in memory."""
 
     words: NDArray[np.uint32]  # (S, 4681, 4): their nodes, as shaders read them
@@ -169,7 +169,7 @@ class PointCut:
 
 def select_points(
     tree: PointTree,
-    resident: Resident,
+    resident: ResidentNodes,
     sight: Sight,
     *,
     active: Sequence[int] | None = None,
@@ -207,7 +207,7 @@ def select_points(
 class _Told:
     """What the loops are told on every panel alike."""
 
-    def __init__(self, tree: PointTree, resident: Resident, sight: Sight) -> None:
+    def __init__(self, tree: PointTree, resident: ResidentNodes, sight: Sight) -> None:
         self.tree, self.resident = tree, resident
         eyes = eye_rows(sight.tolerance, sight.views.eye_m)
         light = np.array([*TOWARD_LIGHT, AMBIENT, float(sight.lit)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,9 @@ from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.layers.terrain.borders import RimPool
 from limen.layers.terrain.draw.drawer import Drape, PageTables, TerrainLayer
-from limen.layers.terrain.stream import PatchPlaces, PatchStream
-from limen.stream.pages import FADE_S, PageSource, Stream
+from limen.layers.terrain.patches import PatchPlaces, patch_stream
+from limen.stream.chunks import ChunkStream, Update, completed
+from limen.stream.pages import FADE_S, PageSource, PageStream
 
 if TYPE_CHECKING:
     from limen.data.terrain.file import Terrain
@@ -27,7 +28,6 @@ GPU_BYTES = 512 << 20
 """Memory for patches and pages on the GPU, unless told otherwise."""
 
 _VERTEX_BYTES, _INDEX_BYTES = 16, 2
-_FETCH_BYTES = 1 << 30
 
 
 class Draped(NamedTuple):
@@ -79,23 +79,23 @@ class TerrainStock:
         sources: list[PageSource] = [terrain.relief, terrain.heights, *([draped.image] if draped else [])]
         threads = threads or max(1, (os.cpu_count() or 2) // 2)
         vertices, indices = gpu_bytes // 8 // _VERTEX_BYTES, gpu_bytes // 8 // _INDEX_BYTES
-        self._patches = PatchStream(terrain, vertex_capacity=vertices, index_capacity=indices, threads=threads)
+        self._patches = patch_stream(terrain, vertex_capacity=vertices, index_capacity=indices, threads=threads)
         share = gpu_bytes * 3 // 4 // len(sources)
         self._pools = [
             PagePool(device, share, format="rgba8unorm-srgb" if number == 2 else "rgba8unorm")
             for number in range(len(sources))
         ]
         self._streams = [
-            Stream(source, pool.slots, threads=threads) for source, pool in zip(sources, self._pools, strict=True)
+            PageStream(source, pool.slots, threads=threads) for source, pool in zip(sources, self._pools, strict=True)
         ]
-        self._all: list[PatchStream | Stream] = [self._patches, *self._streams]
+        self._all: list[ChunkStream[Any]] = [self._patches, *self._streams]
         drape = Drape(draped.image.pyramid, self._pools[2], draped.texel_from_post) if draped else None
         self.layer = TerrainLayer(
             device, terrain, relief=self._pools[0], heights=self._pools[1], drape=drape, vertex_capacity=vertices,
             index_capacity=indices, background=background,
         )  # fmt: skip
         self.rims = RimPool()
-        self._versions: tuple[int, ...] = ()
+        self._generations: tuple[int, ...] = ()
         self._changed_s = self._tables_s = -np.inf
         self._tables: PageTables | None = None
         self._await_roots(terrain)
@@ -113,42 +113,30 @@ class TerrainStock:
     @property
     def places(self) -> PatchPlaces:
         """Where patches lie now."""
-        return self._patches.places
+        return PatchPlaces.of(self._patches.resident)
 
-    def update(self, wishes: Wishes, *, now_s: float = np.inf, whole: bool = False) -> int:
+    def update(self, wishes: Wishes, *, now_s: float = np.inf) -> int:
         """One frame: ask for what is missing, take over what has come. Returns how much is still missing.
 
-        Parameters
-        ----------
-        now_s
-            The time that pages fade in by; without it they are there at once.
-        whole
-            Take over all that has come, however much it is.
+        ``now_s`` is the time that pages fade in by; without it they are there at once.
         """
-        update = self._patches.update(wishes.patches, drawn=wishes.drawn, bytes_budget=_FETCH_BYTES if whole else None)
-        for gone in update.evicted:
-            self.rims.remove(gone)
-        for patch, content, first_vertex, _ in update.uploads:
-            self.rims.add(patch, content, first_vertex)
-        self.layer.write(update.uploads)
-        missing, versions = update.statistics.missing, []
-        for number, (stream, pool) in enumerate(zip(self._streams, self._pools, strict=True)):
-            pages = wishes.drape_pages if number == 2 else wishes.pages
-            paged = stream.update(pages, uploads=len(pages) + 1 if whole else None, now_s=now_s)
-            pool.write(paged.uploads)
-            missing += paged.statistics.missing
-            versions.append(paged.version)
-        self._keep_tables(tuple(versions), now_s)
+        missing = 0
+        for number, wanted in enumerate(self._wanted(wishes)):
+            in_use = wishes.drawn if number == 0 else None
+            update = self._all[number].update(wanted, in_use=in_use, now_s=now_s)
+            self._take(number, update)
+            missing += update.statistics.missing
+        self._keep_tables(now_s)
         return missing
 
     def fetch(self, wishes: Wishes) -> int:
         """Wait until all that is wished for is there or has failed; returns how much has failed."""
-        while True:
-            missing = self.update(wishes, whole=True)
-            waiting = [stream for stream in self._all if not stream.settled]
-            if not waiting:
-                return missing
-            waiting[0].wait()
+        missing = [0] * len(self._all)
+        for number, update in completed(list(zip(self._all, self._wanted(wishes), strict=True))):
+            self._take(number, update)
+            missing[number] = update.statistics.missing
+        self._keep_tables(np.inf)
+        return sum(missing)
 
     @property
     def tables(self) -> PageTables:
@@ -164,10 +152,26 @@ class TerrainStock:
         for pool in self._pools:
             pool.destroy()
 
-    def _keep_tables(self, versions: tuple[int, ...], now_s: float) -> None:
+    def _wanted(self, wishes: Wishes) -> list[NDArray[np.int64]]:
+        """What is wanted of each stream."""
+        return [wishes.patches, wishes.pages, wishes.pages, wishes.drape_pages][: len(self._all)]
+
+    def _take(self, number: int, update: Update[Any]) -> None:
+        """Copy what has come to where it is drawn from."""
+        if number:
+            self._pools[number - 1].write(update.arrived)
+            return
+        for gone in update.evicted:
+            self.rims.remove(gone)
+        for patch, (first_vertex, *_), content in update.arrived:
+            self.rims.add(patch, content, first_vertex)
+        self.layer.write(update.arrived)
+
+    def _keep_tables(self, now_s: float) -> None:
         """New tables only where something came or is fading in: they are copied to the GPU when they are others."""
-        if versions != self._versions:
-            self._versions, self._changed_s = versions, now_s
+        generations = tuple(stream.resident.generation for stream in self._streams)
+        if generations != self._generations:
+            self._generations, self._changed_s = generations, now_s
         elif self._tables is not None and not self._tables_s - self._changed_s < FADE_S:
             return  # not by the time that has passed: the next frame may come when all would have faded in
         self._tables_s = now_s

@@ -27,7 +27,7 @@ from limen.layers.image.cut import Cut
 from limen.layers.image.draw import uniforms as records
 from limen.layers.image.draw.lens_mesh import LensMesh
 from limen.layers.image.select import View
-from limen.stream.pages import Drawable, PageTable, Stream, page_table
+from limen.stream.pages import Drawable, PageStream, PageTable, page_table
 from limen.viewing.placement import OnSurface
 from limen.viewing.projection import Windows
 from limen.viewing.tolerance import Tolerance
@@ -65,7 +65,7 @@ class Drawn(NamedTuple):
     table: PageTable | None  # for pixels that look pages up
 
 
-def drawable_of(stream: Stream, view: View, cut: Cut) -> Drawn:
+def drawable_of(stream: PageStream, view: View, cut: Cut) -> Drawn:
     """What of a cut is there to be drawn."""
     looked_up = view.maps is None or view.cells is not None
     return Drawn(None if view.maps is None else stream.drawable(cut.pair_page), stream.table() if looked_up else None)

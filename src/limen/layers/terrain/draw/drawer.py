@@ -17,7 +17,7 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
-from limen.data.terrain.model import PatchSource
+from limen.data.terrain.model import Patch, PatchSource
 from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.buffers import GrowingBuffer
@@ -28,7 +28,8 @@ from limen.layers.common.matching import PanelMatching
 from limen.layers.terrain.draw import uniforms as records
 from limen.layers.terrain.draw.pipelines import BINDINGS, OUTLINE_VERTICES, TerrainOverlay, TerrainPipelines
 from limen.layers.terrain.look import TerrainLook, contour_interval_m
-from limen.layers.terrain.stream import PatchPlaces, PatchUpload
+from limen.layers.terrain.patches import PatchPlaces
+from limen.stream.chunks import Arrival
 from limen.stream.pages import PageSource, PageTable, page_table
 from limen.viewing.projection import Windows
 
@@ -74,7 +75,7 @@ class Rims(NamedTuple):
 
 
 class PageTables(NamedTuple):
-    """What is resident of every page source, as `limen.stream.pages.Stream.table` gives it."""
+    """What is resident of every page source, as `limen.stream.pages.PageStream.table` gives it."""
 
     relief: PageTable
     heights: PageTable
@@ -104,7 +105,7 @@ class TerrainLayer:
     relief, heights
         Pools of `rgba8unorm` for the terrain's pages.
     vertex_capacity, index_capacity
-        Those of the `limen.layers.terrain.stream.PatchStream` whose uploads are written.
+        Those of the `limen.layers.terrain.patches.patch_stream` whose arrivals are written.
     background
         Linear light (red, green, blue) where nothing is drawn.
     clip
@@ -149,10 +150,10 @@ class TerrainLayer:
         self._targets = Targets(device)
         self._matching = PanelMatching(device)
 
-    def write(self, uploads: Sequence[PatchUpload]) -> None:
+    def write(self, arrived: Sequence[Arrival[Patch]]) -> None:
         """Copy patches to where a stream placed them; drawing submitted before still sees what was there."""
         queue = self._device.wgpu.queue
-        for patch, content, first_vertex, first_index in uploads:
+        for patch, (first_vertex, first_index, _), content in arrived:
             rows = records.vertex_rows(patch, content)
             queue.write_buffer(self._vertices, first_vertex * records.VERTEX.itemsize, rows)
             core = content.core.reshape(-1)
