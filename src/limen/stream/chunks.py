@@ -166,10 +166,12 @@ class ChunkStream(Generic[Item]):
         threads: int = 2,
     ) -> None:
         self._source, self._allocator, self._per_frame = source, allocator, per_frame
-        self._place_of = np.full((source.count, width), -1, np.int64)
+        self._places = np.full((width, source.count), -1, np.int64)
         self._since_s = np.full(source.count, -np.inf)
         self._last_used = np.full(source.count, -1, np.int64)
         self._pinned = np.asarray(source.pinned, np.int64)
+        self._stays = np.zeros(source.count, np.bool_)
+        self._stays[self._pinned] = True
         self._members = np.zeros(0, np.int64)  # resident chunks
         self._frame, self._generation, self._now_s = 0, 0, math.inf
         self._denied: set[int] = set()
@@ -206,18 +208,18 @@ class ChunkStream(Generic[Item]):
         self._now_s, self._frame = now_s, self._frame + 1
         wanted = np.asarray(wanted, np.int64)
         readable = self._readable(wanted)
-        ordered = np.concatenate([self._pinned, readable[~np.isin(readable, self._pinned)]])
+        ordered = np.concatenate([self._pinned, readable[~self._stays[readable]]])
         served = ordered[: self._allocator.fitting(ordered)]
         if in_use is not None:
             self._last_used[in_use] = self._frame
         missing = self._missing(served)
         needed = len(missing)
         if soon is not None and len(served) == len(ordered):
-            missing += self._missing_soon(served, np.setdiff1d(soon, served, assume_unique=True))
+            missing += self._missing_soon(served, soon[self._last_used[soon] < self._frame])
         ready, pending = self._fetcher.exchange(missing, self._per_frame if budget is None else budget)
         arrived, evicted = self._place(ready)
         statistics = Statistics(
-            wanted=len(wanted), needed=needed, missing=int((self._place_of[wanted, 0] < 0).sum()),
+            wanted=len(wanted), needed=needed, missing=int((self._places[0, wanted] < 0).sum()),
             denied=len(ordered) - len(served) + len(self._denied), arrived=len(arrived), waiting=pending.decoded,
             queued=pending.queued, failed=pending.failed, resident=len(self._members),
             update_ms=(time.perf_counter() - begin) * 1e3,
@@ -227,7 +229,7 @@ class ChunkStream(Generic[Item]):
     @property
     def resident(self) -> Resident:
         """What is there now."""
-        return Resident(self._place_of, self._since_s, self._now_s, self._generation)
+        return Resident(self._places.T, self._since_s, self._now_s, self._generation)
 
     def touch(self, chunks: Index) -> None:
         """Chunks that the last frame drew in the place of missing ones: others are evicted before them."""
@@ -276,14 +278,14 @@ class ChunkStream(Generic[Item]):
         if self._denied and not np.array_equal(served, self._denied_while):
             self._denied.clear()  # other wishes leave other chunks to be evicted
         self._denied_while = served
-        absent: list[int] = served[self._place_of[served, 0] < 0].tolist()
+        absent: list[int] = served[self._places[0, served] < 0].tolist()
         return [chunk for chunk in absent if chunk not in self._denied] if self._denied else absent
 
     def _missing_soon(self, served: Index, soon: Index) -> list[int]:
         together = np.concatenate([served, soon])
         soon = together[len(served) : self._allocator.fitting(together)]
         self._last_used[soon] = self._frame
-        absent: list[int] = soon[self._place_of[soon, 0] < 0].tolist()
+        absent: list[int] = soon[self._places[0, soon] < 0].tolist()
         return absent
 
     def _place(self, ready: list[tuple[int, Item]]) -> tuple[list[Arrival[Item]], list[int]]:
@@ -297,17 +299,17 @@ class ChunkStream(Generic[Item]):
             place = self._allocator.place(chunk, item)
             while place is None and (gone := next(evictable, None)) is not None:
                 evicted.append(gone)
-                self._allocator.free(tuple(self._place_of[gone].tolist()))
-                self._place_of[gone] = -1
+                self._allocator.free(tuple(self._places[:, gone].tolist()))
+                self._places[:, gone] = -1
                 place = self._allocator.place(chunk, item)
             if place is None:
                 self._denied.add(chunk)
                 continue
-            self._place_of[chunk] = place
+            self._places[:, chunk] = place
             self._last_used[chunk] = self._frame
             self._since_s[chunk] = self._now_s if self._now_s < math.inf else -math.inf
             arrived.append(Arrival(chunk, place, item))
-        stay = self._members[self._place_of[self._members, 0] >= 0] if evicted else self._members
+        stay = self._members[self._places[0, self._members] >= 0] if evicted else self._members
         self._members = np.concatenate([stay, np.array([each.chunk for each in arrived], np.int64)])
         self._generation += bool(arrived)
         return arrived, evicted
@@ -315,7 +317,7 @@ class ChunkStream(Generic[Item]):
     def _oldest(self, about: int) -> Iterator[int]:
         """What may be evicted, the least recently used first; found when it is asked for, about so many at once."""
         old = self._members[self._last_used[self._members] < self._frame]
-        old = old[~np.isin(old, self._pinned)]
+        old = old[~self._stays[old]]
         while len(old):
             first = np.arange(len(old))
             if about < len(old):

@@ -105,7 +105,7 @@ class PageStream(ChunkStream[NDArray[np.uint8]]):
         top = len(self._pyramid.levels) - 1
         for step in range(top + 1):
             page = self._pyramid.page_index(level[pending] + step, column[pending] >> step, row[pending] >> step)
-            slot = self._place_of[page, 0].astype(np.int32)
+            slot = self._places[0, page].astype(np.int32)
             fade = np.where(level[pending] + step < top, self._fade(page), 1.0).astype(np.float32)
             here = slot >= 0
             self.touch(page[here])
@@ -126,7 +126,7 @@ class PageStream(ChunkStream[NDArray[np.uint8]]):
 
     def table(self) -> PageTable:
         """`drawable` for every page of the pyramid, for shaders that look pages up for themselves."""
-        shown = np.where(self._place_of[:, 0] >= 0, np.arange(len(self._place_of)), -1)
+        shown = np.where(self._places[0] >= 0, np.arange(self._places.shape[1]), -1)
         coarser = np.zeros(len(shown), dtype=np.int32)
         levels = self._pyramid.levels
         for number in range(len(levels) - 2, -1, -1):
@@ -139,7 +139,7 @@ class PageStream(ChunkStream[NDArray[np.uint8]]):
             absent = shown[own] < 0
             shown[own] = np.where(absent, inherited, shown[own])
             coarser[own] = np.where(absent, distance, 0)
-        slot = np.where(shown < 0, -1, self._place_of[shown, 0]).astype(np.int32)
+        slot = np.where(shown < 0, -1, self._places[0, shown]).astype(np.int32)
         # Of the coarsest page all is there: nothing coarser could be shown meanwhile.
         fade = np.where(shown == self._pinned[0], 1.0, self._fade(shown)).astype(np.float32)
         return PageTable(slot, coarser, fade)

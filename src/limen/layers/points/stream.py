@@ -57,7 +57,7 @@ class PointStream(ChunkStream[Nodes]):
     def nodes(self) -> ResidentNodes:
         """What is there now; valid until the next `update`."""
         words = self._nodes.view(np.uint32).reshape(self.slots, CHUNK_NODES, 4)
-        return ResidentNodes(words, self._place_of[:, 0].astype(np.int32))
+        return ResidentNodes(words, self._places[0].astype(np.int32))
 
     def update(
         self,
