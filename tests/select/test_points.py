@@ -24,7 +24,7 @@ from limen.data.points.nodes import (
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.layers.common.contrast_scale import shares_of_codes
-from limen.layers.points.select import TOP_ITEM, PointTree, Resident, Sight, select_points
+from limen.layers.points.select import TOP_ITEM, PointTree, ResidentNodes, Sight, select_points
 from limen.viewing.projection import PanelViews, Windows
 from limen.viewing.tolerance import Policy, tolerance_of
 from limen.viewing.viewer import Viewer
@@ -32,7 +32,7 @@ from limen.viewing.viewer import Viewer
 CLOUD = ball()
 TREE = PointTree.of(CLOUD)
 NODES = np.stack([CLOUD.read_chunk(chunk) for chunk in range(CLOUD.chunks)])
-ALL = Resident(
+ALL = ResidentNodes(
     np.ascontiguousarray(NODES).view(np.uint32).reshape(CLOUD.chunks, CHUNK_NODES, 4),
     np.arange(CLOUD.chunks, dtype=np.int32),
 )
@@ -259,7 +259,7 @@ def test_threads_do_not_change_the_cut():
 
 
 def test_what_is_not_resident_is_drawn_as_its_top_and_asked_for():
-    nothing = Resident(ALL.words, np.full(CLOUD.chunks, -1, np.int32))
+    nothing = ResidentNodes(ALL.words, np.full(CLOUD.chunks, -1, np.int32))
     cut = select_points(TREE, nothing, sight("acuity"))
     assert (cut.pairs[:, 0] & TOP_ITEM).all()
     assert len(cut.wanted) > 1
