@@ -20,7 +20,8 @@ from limen.stream.pages import PageStream
 from limen.study.bench import measure_walk, one_to_one_room, walk_viewers
 from limen.study.blank import Blank
 from limen.system import worker_count
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 ROOM = one_to_one_room()
 

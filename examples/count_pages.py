@@ -4,7 +4,8 @@ import limen
 from limen.data.pages import Pyramid
 from limen.layers.image.select import select, view_of
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 wall = limen.Display.preset("rostock")
 # A virtual image of 160 gigapixels, fitted to the wall: no file is needed to decide.

@@ -17,7 +17,7 @@ from limen.errors import DeviceLimitError, InputError
 from limen.layers.image.renderer import Renderer, select_ahead
 from limen.show.rendering import render
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

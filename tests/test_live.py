@@ -16,7 +16,7 @@ from limen.show.window import Surface
 from limen.stream.pages import FADE_S
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

@@ -260,7 +260,7 @@ def test_what_a_window_is_asked_for_reaches_the_renderer(device: Any, mesh: Mesh
     from limen.data.mesh.tree_build import build_vertex_tree
     from limen.layers.mesh.renderer import Simplified
     from limen.layers.mesh.select import Foldable
-    from limen.viewing.tolerance import Policy
+    from limen.viewing.policy import Policy
 
     simplified = Simplified(Foldable(build_vertex_tree(mesh)), Policy("contrast", 6.0, gaze=True))
     with (

@@ -11,7 +11,8 @@ from limen.data.terrain.model import Nodes
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.layers.terrain.look_at import BEHIND, Flight, LookAt, in_flight, room_from_posts
+from limen.layers.terrain.look_at import BEHIND, Flight, in_flight, room_from_posts
+from limen.viewing.placement import LookAt
 from limen.viewing.standing import standing_viewer
 
 

@@ -10,9 +10,11 @@ import pytest
 
 from limen.display.display import Display
 from limen.errors import InputError
+from limen.layers.common.room_placement import mesh_in_room
 from limen.show.stage import SceneSettings
+from limen.viewing.arrangement import arrangement_of
 from limen.viewing.lens import Lens
-from limen.viewing.placement import OnSurface, arrangement_of, carried_lenses, mesh_in_room, texel_pointed_at
+from limen.viewing.placement import OnSurface, carried_lenses, texel_pointed_at
 from limen.viewing.standing import standing_viewer
 from limen.viewing.viewer import Pointer
 

@@ -16,7 +16,7 @@ from limen.layers.points.renderer import PointsRenderer
 from limen.layers.points.stream import CHUNK_BYTES, PointStream
 from limen.show.points_stage import PointsExhibit
 from limen.show.stage import SceneSettings
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 pytestmark = pytest.mark.drawing

@@ -23,13 +23,12 @@ from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
 from limen.layers.image.renderer import Renderer
 from limen.layers.points.renderer import PointsRenderer
-from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.renderer import TerrainRenderer
 from limen.layers.terrain.resources import Draped
 from limen.layers.terrain.selector import TerrainSettings
 from limen.viewing.lens import Lens
-from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.placement import LookAt, OnShape, OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 from processes import PYTHON, finished
 

@@ -18,7 +18,7 @@ from limen.layers.mesh import renderer as scene
 from limen.layers.mesh.renderer import SceneRenderer
 from limen.layers.mesh.select import Foldable, select_mesh
 from limen.viewing.camera import Camera
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]

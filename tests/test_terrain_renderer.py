@@ -20,8 +20,9 @@ from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.layers.terrain import resources as terrain_stock
-from limen.layers.terrain.look_at import LookAt, room_from_posts
-from limen.viewing.tolerance import Policy
+from limen.layers.terrain.look_at import room_from_posts
+from limen.viewing.placement import LookAt
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Pointer, Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import limen
 from limen.errors import InputError
-from limen.viewing.tolerance import STANDS, Policy, scheel_px, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import STANDS, scheel_px, tolerance_of
 from limen.vision.acuity import acuity_from, acuity_level, optimal_distance_m
 from limen.vision.motion import motion_scale
 

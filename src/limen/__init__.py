@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
-    from limen.layers.terrain.look_at import LookAt as LookAt
     from limen.show.rendering import render as render
     from limen.viewing.lens import Lens as Lens
+    from limen.viewing.placement import LookAt as LookAt
     from limen.viewing.tessellation import Tessellation as Tessellation
     from limen.viewing.tolerance import Tolerance as Tolerance
     from limen.viewing.viewer import Pointer as Pointer
@@ -34,7 +34,7 @@ _HOMES = {
     "Image": "limen.data.image.file",
     "Lens": "limen.viewing.lens",
     "LimenError": "limen.errors",
-    "LookAt": "limen.layers.terrain.look_at",
+    "LookAt": "limen.viewing.placement",
     "Mesh": "limen.data.mesh.mesh",
     "Panel": "limen.display.panel",
     "Pointer": "limen.viewing.viewer",

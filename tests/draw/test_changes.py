@@ -17,7 +17,8 @@ from limen.layers.image.draw import uniforms as records
 from limen.layers.image.draw.drawer import ImageLayer, drawable_of
 from limen.layers.image.select import select, view_of
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 from limen.vision.acuity import optimal_distance_m
 from limen.vision.contrast import sensitivity

@@ -15,7 +15,8 @@ from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.select import select, view_of
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 pytestmark = pytest.mark.gpu

@@ -22,8 +22,9 @@ from limen.study.bench_lens import measured
 from limen.study.blank import Blank
 from limen.viewing.lens import Lens, sharpest_bend, source_of
 from limen.viewing.placement import OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.tessellation import LENS_MODES, Tessellation
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 pytestmark = pytest.mark.gpu

@@ -14,7 +14,8 @@ from limen.layers.image.renderer import Renderer
 from limen.layers.image.select import view_of
 from limen.viewing.lens import Lens, source_of
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]

@@ -16,7 +16,8 @@ from limen.display.panel import Panel
 from limen.layers.common.page_detail import BLEND_LEVELS, KEPT, reduced_detail
 from limen.layers.image.select import View, levels_at, shares_at, view_of
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy, Tolerance, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import Tolerance, tolerance_of
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]

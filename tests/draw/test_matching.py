@@ -24,14 +24,15 @@ from limen.display.quilt import Quilt, pieces
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.common.matching import MATCHED, least_cosine, matched_rows
-from limen.layers.terrain.look_at import LookAt, room_from_posts
+from limen.layers.terrain.look_at import room_from_posts
 from limen.stream.pages import PageStream
 from limen.viewing.camera import Camera
 from limen.viewing.lens import Lens
-from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.placement import LookAt, OnShape, OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.projection import Windows
 from limen.viewing.tessellation import Tessellation
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]

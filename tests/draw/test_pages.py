@@ -16,7 +16,8 @@ from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.draw.uniforms import level_colours
 from limen.layers.image.select import select, view_of
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 pytestmark = pytest.mark.gpu
 

@@ -15,7 +15,8 @@ from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.study.filters import magnified
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 pytestmark = pytest.mark.gpu
 

@@ -88,7 +88,7 @@ def square(z: float, half: float = 1.0, colour: Any = (255, 255, 255, 255)) -> M
 
 def knot(display: Display, triangles: int = 20_000) -> Mesh:
     """A knot that fills the display, in room coordinates."""
-    from limen.viewing.placement import mesh_in_room
+    from limen.layers.common.room_placement import mesh_in_room
 
     mesh = torus_knot(triangles)
     matrix = mesh_in_room(mesh.bounds, display)

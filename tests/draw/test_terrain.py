@@ -16,10 +16,11 @@ from limen.display.panel import Panel
 from limen.display.quilt import pack
 from limen.layers.terrain.borders import RimPool
 from limen.layers.terrain.look import SEA, TerrainLook, hypsometric_ramp, panel_tints, toward_sun
-from limen.layers.terrain.look_at import LookAt, room_from_posts
+from limen.layers.terrain.look_at import room_from_posts
 from limen.layers.terrain.patches import PatchPlaces, patch_stream
 from limen.stream.chunks import completed
 from limen.stream.pages import PageStream, PageTable
+from limen.viewing.placement import LookAt
 from limen.viewing.projection import Windows
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]

@@ -33,18 +33,18 @@ from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
 from limen.display.quilt import Quilt
+from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.image.renderer import Renderer
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
 from limen.layers.mesh.select import Foldable
 from limen.layers.points.renderer import PointsRenderer
 from limen.layers.terrain.look import TerrainLook
-from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.renderer import TerrainRenderer
 from limen.layers.terrain.resources import Draped
 from limen.layers.terrain.selector import TerrainSettings
 from limen.viewing.lens import Lens
-from limen.viewing.placement import OnShape, OnSurface, mesh_in_room
-from limen.viewing.tolerance import Policy
+from limen.viewing.placement import LookAt, OnShape, OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 HERE = Path(__file__).parent

@@ -15,7 +15,8 @@ from limen.errors import InputError
 from limen.layers.common.page_detail import BLEND_LEVELS, KEPT
 from limen.layers.image.select import select, view_of
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 
 def small_room(pitch_mm=4.0, columns=3):

@@ -11,7 +11,8 @@ from limen.data.pages import Pyramid
 from limen.layers.image.select import flat_pairs, select, view_of
 from limen.viewing.lens import Lens, jacobian_of, source_of
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 PYRAMID = Pyramid.of((60_000, 24_000))
 LENSES = {

@@ -22,8 +22,9 @@ from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
 from limen.layers.mesh.holes import openings_of
 from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
+from limen.viewing.policy import Policy
 from limen.viewing.projection import Windows
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 

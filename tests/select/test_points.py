@@ -25,8 +25,9 @@ from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.layers.common.contrast_scale import shares_of_codes
 from limen.layers.points.select import TOP_ITEM, PointTree, ResidentNodes, Sight, select_points
+from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews, Windows
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 CLOUD = ball()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from limen.errors import InputError
 from limen.layers.common.frame_time import Throttle
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 
 def run(

@@ -25,7 +25,8 @@ from limen.viewing.panel_demands import (
     panel_demands,
 )
 from limen.viewing.panel_distance import angle_deg
-from limen.viewing.tolerance import Policy, scheel_px, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import scheel_px, tolerance_of
 from limen.viewing.viewer import Pointer, Viewer
 
 WALL = Display.preset("rostock")

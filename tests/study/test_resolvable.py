@@ -14,7 +14,8 @@ from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import one_to_one_view
 from limen.units import arcmin_to_rad
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy, Tolerance, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import Tolerance, tolerance_of
 from limen.viewing.viewer import Viewer
 
 WINDOW = Display.window((1600, 1000), 0.0005)

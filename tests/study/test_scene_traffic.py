@@ -8,10 +8,10 @@ from tests.clouds import ball
 
 from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
+from limen.layers.common.room_placement import mesh_in_room
 from limen.study.scene_traffic import count_scene_traffic
 from limen.study.traffic import policies_of
 from limen.track.walk import session_named
-from limen.viewing.placement import mesh_in_room
 
 CUBE = Display.preset("cube")
 WALK = session_named("A", CUBE)

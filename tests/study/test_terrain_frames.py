@@ -36,7 +36,7 @@ from limen.study.terrain_frames import (
 from limen.study.terrain_peers import INSTALL, missing_package
 from limen.study.terrain_source import Content, parse_crop, posts_of, prepared, write_crop
 from limen.study.terrain_table import PAPER, table2_rows
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 SPACING_M = 30.0
 ACUITY = Policy("acuity")

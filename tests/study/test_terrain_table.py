@@ -10,7 +10,7 @@ from limen.display.display import Display
 from limen.display.grid import Grid, panels_of_grid
 from limen.study.terrain_table import PAPER, at_wall_centre, on_column_centre, table2_rows
 from limen.viewing.panel_demands import panel_demands
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 WALL = Display.preset("rostock")
 ROWS = table2_rows(WALL)

@@ -17,7 +17,8 @@ from limen.study.traffic import Report, count_traffic, one_to_one_view, policies
 from limen.track.session import Session
 from limen.track.walk import session_named
 from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 

@@ -23,7 +23,7 @@ from limen.study.verify import Judged, Trial, imperceptible, judge_windows, rows
 from limen.study.windows import Window, choose_windows
 from limen.track.session import Session
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 ONE_TO_ONE = OnSurface("one-to-one")

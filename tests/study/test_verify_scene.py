@@ -14,7 +14,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.study.verify import rows_of, trials_of
 from limen.study.verify_scene import judge_views, monitor, random_poses, subject_of
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 
 def test_the_monitor_is_the_papers() -> None:

@@ -14,7 +14,7 @@ from limen.track.room import BODY_M, room_of
 from limen.track.session import Session
 from limen.track.walk import SESSIONS, SPEED_M_PER_S, heat_map, hotspots, make_walk, plan_of, session_named
 from limen.viewing.panel_demands import panel_demands
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 

@@ -11,7 +11,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Vec3, as_vec3
 from limen.viewing.placement import Fit
-from limen.viewing.tolerance import ignores_acuity
+from limen.viewing.policy import ignores_acuity
 
 __all__ = [
     "AcuityOption",

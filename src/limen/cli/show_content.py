@@ -33,8 +33,9 @@ from limen.show.live import LiveSettings, run_live
 from limen.show.stage import MeshExhibit
 from limen.show.terrain_stage import TerrainExhibit
 from limen.viewing.placement import Fit, OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.standing import standing_viewer
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.tolerance import tolerance_of
 
 if TYPE_CHECKING:
     from limen.data.points.file import Points

@@ -17,7 +17,7 @@ from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
 from limen.pictures.files import thumbnail, write_picture
 from limen.pictures.room import draw_room, draw_surface
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = ["FrameRow", "image_row", "print_image_rows", "write_image_frames"]

@@ -24,9 +24,9 @@ from limen.layers.mesh.select import Foldable
 from limen.pictures.files import write_picture
 from limen.show.live_scene import eye_camera
 from limen.show.stage import SceneSettings, check_still, posed
+from limen.viewing.arrangement import arrangement_of, facing_of_wall
 from limen.viewing.camera import Camera
-from limen.viewing.placement import arrangement_of, facing_of_wall
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = [

@@ -16,7 +16,7 @@ from limen.cli.show_live import say_who, show_live
 from limen.cli.show_mesh import check_quilts, lit_display, onlookers, visible_from
 from limen.gpu.device import open_device
 from limen.pictures.files import write_picture
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from limen.study.plots import format_of, traffic_plot
 from limen.study.traffic import Report, Row, SessionTraffic
 from limen.track.walk import session_named
 from limen.viewing.placement import Fit, OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.vision.acuity import HUMAN_ARCMIN
 
 if TYPE_CHECKING:

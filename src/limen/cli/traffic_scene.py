@@ -13,7 +13,7 @@ from limen.display.display import Display
 from limen.show.stage import SceneSettings
 from limen.study.traffic import frames_of
 from limen.track.session import Session
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 if TYPE_CHECKING:
     from limen.data.points.file import Points

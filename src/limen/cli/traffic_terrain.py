@@ -13,8 +13,8 @@ from limen.layers.common.page_detail import plain_detail
 from limen.study.terrain_traffic import CountedDrape, TerrainRow, TerrainTraffic, count_terrain_traffic
 from limen.study.traffic import detail_of, frames_of, page_bytes_of
 from limen.track.session import Session
+from limen.viewing.policy import Policy
 from limen.viewing.standing import standing_viewer
-from limen.viewing.tolerance import Policy
 
 __all__ = ["terrain_traffic"]
 

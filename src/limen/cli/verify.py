@@ -29,8 +29,8 @@ from limen.study.verify import FACTORS, Judged, Trial, VerifyRow, imperceptible,
 from limen.study.windows import Window, choose_windows
 from limen.track.walk import session_named
 from limen.viewing.placement import Fit, OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.standing import standing_viewer
-from limen.viewing.tolerance import Policy
 
 if TYPE_CHECKING:
     from limen.data.points.file import Points

@@ -17,7 +17,7 @@ from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
 from limen.show.window import Surface, open_canvas, run_together
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = ["LiveSettings", "Tour", "run_live", "unrolled_quilt"]

@@ -17,8 +17,8 @@ from limen.layers.common.simulator import LitDisplay
 from limen.show.live import Tour
 from limen.show.stage import Exhibit, Shown, Stage, Turn
 from limen.show.window import Surface, open_canvas, run_together
+from limen.viewing.arrangement import arrangement_of
 from limen.viewing.camera import Camera
-from limen.viewing.placement import arrangement_of
 from limen.viewing.viewer import Viewer
 
 __all__ = ["LiveScene", "eye_camera", "run_live_scene"]

@@ -14,7 +14,7 @@ from limen.gpu.device import Device
 from limen.layers.points.draw.drawer import PointsOverlay, Shape
 from limen.layers.points.renderer import PointsRenderer, PointsReport
 from limen.show.stage import STILL, SceneSettings, Turn, about_middle
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = ["PointsExhibit", "PointsStage"]

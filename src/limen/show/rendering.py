@@ -17,18 +17,18 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
+from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.image.draw.drawer import Overlay
 from limen.layers.image.renderer import Renderer
 from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
 from limen.layers.mesh.select import Foldable
 from limen.layers.terrain.draw.drawer import TerrainOverlay
-from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.renderer import TerrainRenderer
 from limen.layers.terrain.selector import TerrainSettings
 from limen.viewing.choices import Stereo
-from limen.viewing.placement import OnShape, OnSurface, Placement, mesh_in_room
-from limen.viewing.tolerance import Policy, ignores_acuity
+from limen.viewing.placement import LookAt, OnShape, OnSurface, Placement
+from limen.viewing.policy import Policy, ignores_acuity
 from limen.viewing.viewer import Viewer
 from limen.vision.acuity import HUMAN_ARCMIN, acuity_from
 
@@ -67,7 +67,7 @@ def render(
     viewers
         Who looks. Of an image, nothing is left out for nobody. All else is seen by the first, whom it needs.
     policy
-        ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.viewing.tolerance.Policy`);
+        ``full``, ``acuity`` or ``contrast``, the last two also with ``+gaze`` (or a `limen.viewing.policy.Policy`);
         of a terrain also ``scheel``; of a mesh or points also ``+motion``, ``budget:N`` and ``size:N``. By default
         ``acuity``, of a mesh ``full``: for the others its vertices are joined to a tree first, two seconds for a
         million triangles.
@@ -78,8 +78,8 @@ def render(
     placement
         How the image lies on the display, and the lenses that it is seen through (`limen.viewing.placement.OnSurface`):
         by default fitted inside the unrolled surface, centred, without any. Of a mesh or points, the affine map from
-        its coordinates to the room, metres, shape (4, 4): by default `limen.viewing.placement.mesh_in_room`. Of a
-        terrain, a `limen.LookAt`: from where it is looked at by the first viewer; by default all of it is seen.
+        its coordinates to the room, metres, shape (4, 4): by default `limen.layers.common.room_placement.mesh_in_room`.
+        Of a terrain, a `limen.LookAt`: from where it is looked at by the first viewer; by default all of it is seen.
     overlay
         ``levels`` tints every pixel of an image by the level drawn, ``error`` by how far lenses draw it from where it
         belongs, ``panels`` a mesh by the panel that shows it and a

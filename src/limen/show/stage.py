@@ -20,10 +20,10 @@ from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device
+from limen.layers.common.room_placement import mesh_in_room, mesh_stand, motion_of
 from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import BACKGROUND, SceneRenderer, SceneReport, Simplified
 from limen.viewing.choices import Animation, Depth, Stereo
-from limen.viewing.placement import mesh_in_room, mesh_stand, motion_of
 from limen.viewing.tolerance import STANDS
 from limen.viewing.viewer import Viewer
 

@@ -12,12 +12,12 @@ from limen.geometry import Vec3
 from limen.gpu.device import Device
 from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.look import TerrainLook
-from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.renderer import TerrainRenderer, TerrainReport
 from limen.layers.terrain.resources import Draped
 from limen.layers.terrain.selector import TerrainSettings
 from limen.show.stage import STILL, Turn
-from limen.viewing.tolerance import Policy
+from limen.viewing.placement import LookAt
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
 if TYPE_CHECKING:

@@ -34,8 +34,9 @@ from limen.study.kernels import kernel_rows
 from limen.study.observer import Observer
 from limen.track.walk import session_named
 from limen.viewing.placement import OnSurface, one_to_one_size_px
+from limen.viewing.policy import Policy
 from limen.viewing.standing import standing_viewer
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 __all__ = ["BENCHES", "Measured", "Table", "Walk", "bench_image", "measure_walk", "one_to_one_room", "walk_viewers"]

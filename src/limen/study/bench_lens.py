@@ -28,8 +28,8 @@ from limen.layers.image.renderer import Renderer
 from limen.study.blank import Blank
 from limen.viewing.lens import Lens, shown_at
 from limen.viewing.placement import OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.tessellation import Tessellation
-from limen.viewing.tolerance import Policy
 from limen.viewing.viewer import Viewer
 from limen.vision.acuity import SNELLEN_ARCMIN, optimal_distance_m
 

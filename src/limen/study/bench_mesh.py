@@ -42,8 +42,9 @@ from limen.study.observer import WINDOW_PX, Observer, light_of, missing_packages
 from limen.study.peers import INSTALL
 from limen.study.surfaces import surface_error
 from limen.study.verify_scene import Pose, monitor, pixels_per_degree, random_poses, random_windows, standing
+from limen.viewing.policy import Policy
 from limen.viewing.projection import Windows
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
 __all__ = ["MeshBench", "Seen", "bench_mesh", "folded_uniformly"]

@@ -43,7 +43,8 @@ from limen.track.session import Session
 from limen.track.walk import session_named
 from limen.units import arcmin_to_rad
 from limen.viewing.placement import Fit, OnSurface
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 __all__ = ["DemoResult", "Watch", "run_demo"]
 

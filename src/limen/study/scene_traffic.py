@@ -21,8 +21,9 @@ from limen.layers.points.stream import PointStream
 from limen.stream.chunks import completed
 from limen.study.traffic import FRAMES_PER_S
 from limen.track.session import Frame, Session
+from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews, Windows, guard_of
-from limen.viewing.tolerance import STANDS, Policy, Tolerance, tolerance_of
+from limen.viewing.tolerance import STANDS, Tolerance, tolerance_of
 
 __all__ = ["SceneRow", "SceneSession", "SceneTraffic", "count_scene_traffic"]
 

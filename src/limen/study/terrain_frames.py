@@ -26,9 +26,9 @@ from limen.study.terrain_peers import INSTALL, missing_package
 from limen.study.terrain_table import Table2Row, at_wall_centre, table2_rows
 from limen.study.terrain_vtk import FullGrid, hillshade
 from limen.study.triangulations import Posts, drawn
+from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews
 from limen.viewing.standing import standing_viewer
-from limen.viewing.tolerance import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = [

@@ -31,7 +31,7 @@ import numpy as np
 from limen.display.display import Display
 from limen.geometry import Floats, as_vec3
 from limen.viewing.panel_demands import OUTSIDE, PanelDemands, Rule, panel_demands
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = ["PAPER", "PaperRow", "Table2Row", "at_wall_centre", "on_column_centre", "table2_rows"]

@@ -22,7 +22,8 @@ from limen.layers.terrain.selector import Scenery, TerrainSettings, TerrainSight
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import FRAMES_PER_S, one_to_one_view
 from limen.track.session import Frame, Session
-from limen.viewing.tolerance import Policy, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import tolerance_of
 
 __all__ = ["CountedDrape", "TerrainRow", "TerrainSession", "TerrainTraffic", "count_terrain_traffic"]
 

@@ -29,7 +29,8 @@ from limen.layers.image.select import View, flat_pairs, select, view_of
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.track.session import Frame, Session
 from limen.viewing.placement import OnShape, OnSurface, one_to_one_size_px
-from limen.viewing.tolerance import Policy, Tolerance, ignores_acuity, tolerance_of
+from limen.viewing.policy import Policy, ignores_acuity
+from limen.viewing.tolerance import Tolerance, tolerance_of
 from limen.vision.acuity import acuity_from
 
 __all__ = [

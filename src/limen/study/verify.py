@@ -26,7 +26,7 @@ from limen.layers.image.renderer import Renderer
 from limen.study.observer import Observer, Verdict, light_of, sampled
 from limen.study.windows import Window, cut_display
 from limen.viewing.placement import OnSurface
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = [

@@ -33,7 +33,7 @@ from limen.layers.mesh.select import Extent, Foldable
 from limen.layers.points.renderer import PointsRenderer
 from limen.study.observer import WINDOW_PX, Observer, Verdict, light_of, sampled
 from limen.study.verify import ALIKE, Judged, Trial
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 from limen.vision.motion import retinal_velocity_deg_s
 

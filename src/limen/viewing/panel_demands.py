@@ -25,7 +25,8 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.viewing.panel_distance import angle_deg, least_tolerance_m, nearest_m, smallest_angle_deg
-from limen.viewing.tolerance import Policy, scheel_px, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import scheel_px, tolerance_of
 from limen.viewing.viewer import Pointer, Viewer
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""How an image lies on a display: on its unrolled surface, or on a shape seen through it; and where a mesh stands.
+"""How an image lies on a display: on its unrolled surface, or on a shape seen through it; and a terrain's camera.
 
 On the **surface** every panel shows a rectangle of the image, whoever looks from wherever: the map from
 pixels to texels is a scale and an offset per panel. On a **shape** (plane, cylinder, ellipsoid) a pixel shows
@@ -8,9 +8,9 @@ what lies behind it on the ray from one eye point, so the map bends.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,24 +24,17 @@ from limen.viewing.viewer import Pointer
 
 __all__ = [
     "FITS",
-    "Arrangement",
+    "LookAt",
     "OnShape",
     "OnSurface",
     "PanelMaps",
     "Placement",
-    "arrangement_of",
     "carried_lenses",
-    "facing_of_wall",
-    "mesh_in_room",
-    "mesh_stand",
-    "middle_of_wall",
-    "motion_of",
     "one_to_one_size_px",
     "texel_pointed_at",
 ]
 
 Fit: TypeAlias = Literal["contain", "cover", "one-to-one"]
-_STEP_S = 1e-3
 _EXACT = Tessellation()
 FITS: tuple[Fit, ...] = ("contain", "cover", "one-to-one")
 
@@ -258,138 +251,43 @@ def one_to_one_size_px(display: Display) -> tuple[int, int]:
     return (max(1, round(surface.width / pitch)), max(1, round(surface.height / pitch)))
 
 
-_FILLS = 0.8
-"""Share of the display that a mesh fills unless told otherwise."""
-
-Arrangement: TypeAlias = Literal["wall", "object", "room"]
-
-_WALL = 0.75
-"""Length of the mean normal from which a display counts as a wall whatever its size."""
-
-_PERSON_M = np.array([1.2, 1.5, 1.2])
-"""Least width, height and depth of what a person can stand in."""
-
-
-def arrangement_of(display: Display) -> Arrangement:
-    """How people are with a display: before a ``wall``, around an ``object``, or inside a ``room``.
-
-    Panels of an object face away from its middle. Others make a room if they face several ways and a person has
-    room between them (a CAVE), else a wall: a desk has an inside too, but nobody stands in it.
-    """
-    low, high = display.bounds_m
-    middle = (low + high) / 2
-    if float(np.linalg.norm(display.facing)) > _WALL:
-        return "wall"
-    normals = np.array([panel.normal for panel in display.panels])
-    centres = np.array([panel.centre_m for panel in display.panels])
-    if float(np.sum(normals * (centres - middle))) > 0:
-        return "object"
-    return "room" if bool(np.all(high - low >= _PERSON_M)) else "wall"
-
-
-def facing_of_wall(display: Display) -> Floats:
-    """Unit vector toward where a wall is looked at from, shape (3,).
-
-    At most 50 degrees above the horizon, and then from +z: nobody hangs over a table.
-    """
-    facing = display.facing
-    strength = float(np.linalg.norm(facing))
-    if strength < 1e-6:
-        return np.array([0.0, 0.0, 1.0])
-    across, up = facing * [1, 0, 1] / strength, float(facing[1]) / strength
-    steepest = math.sin(math.radians(50))
-    if abs(up) <= steepest:
-        return np.asarray(facing / strength)
-    level = float(np.linalg.norm(across))
-    across = across / level if level > 0.1 else np.array([0.0, 0.0, 1.0])
-    return np.asarray(across * math.cos(math.radians(50)) + [0, math.copysign(steepest, up), 0])
-
-
-def middle_of_wall(display: Display) -> Floats:
-    """Mean of the panels' middles weighted by area, shape (3,): behind it are panels, also of a desk with a hole."""
-    areas = np.array([panel.size_m[0] * panel.size_m[1] for panel in display.panels])
-    centres = np.array([panel.centre_m for panel in display.panels])
-    return np.asarray((centres * areas[:, None]).sum(axis=0) / areas.sum())
-
-
-def mesh_stand(display: Display, size_m: float | None = None) -> tuple[Vec3, float]:
-    """Where a mesh stands unless its user says: the place of its middle, and its largest extent, metres.
-
-    Inside an object; just behind a wall, as far as it reaches; in a room, behind the panels that the room opens
-    toward (-z, where all look alike). It fills most of the second largest extent of an object or a wall, and of the
-    height of a room.
+@dataclass(frozen=True, slots=True)
+class LookAt:
+    """From where a terrain is looked at.
 
     Parameters
     ----------
-    size_m
-        Its largest extent, where the user says; a larger one stands farther behind the panels.
-    """
-    low, high = display.bounds_m
-    middle, extents = (low + high) / 2, high - low
-    arrangement = arrangement_of(display)
-    fitted = float(extents[:2].min()) if arrangement == "room" else float(np.sort(extents)[1])
-    size = _FILLS * fitted if size_m is None else size_m
-    if arrangement == "wall":
-        middle = middle_of_wall(display) - facing_of_wall(display) * size / 2
-    elif arrangement == "room":
-        middle = middle - np.array([0, 0, extents[2] / 2 + size / 2])
-    return as_vec3(middle, "middle"), size
-
-
-def mesh_in_room(
-    bounds: NDArray[np.floating[Any]],
-    display: Display,
-    *,
-    size_m: float | None = None,
-    at_m: Vec3 | None = None,
-    up: Literal["y", "z"] = "y",
-    turn_deg: float = 0.0,
-    tilt_deg: float = 0.0,
-) -> Floats:
-    """Affine map from a mesh's coordinates to the room, metres, shape (4, 4).
-
-    Parameters
-    ----------
-    bounds
-        Smallest and largest coordinates of the mesh, shape (2, 3).
-    display
-        The whole installation: what a part of it shows must not depend on which part it is.
-    size_m
-        Its largest extent in the room; by default that of `mesh_stand`.
-    at_m
-        Place of the middle of its bounds; by default that of `mesh_stand`.
-    up
-        Which of the mesh's axes points up.
-    turn_deg
-        Turned about the vertical, counter-clockwise from above.
-    tilt_deg
-        Then tilted toward who stands before it: at 90 degrees it is seen from above.
+    target
+        The place in the middle: 0 ... 1 from the terrain's first column and first row.
+    heading_deg
+        Where the camera looks, clockwise from north (the first row).
+    pitch_deg
+        How far it looks down: 0 along the ground, 90 straight down.
+    range_m
+        How far it is from the target; ``None``: just so far that all of the terrain is seen.
+    exaggeration
+        Heights are multiplied by it.
 
     Raises
     ------
     InputError
-        If the mesh has no extent, or ``size_m`` is not positive.
+        For numbers that cannot be.
     """
-    low, high = np.asarray(bounds, dtype=float)
-    extent = float((high - low).max())
-    if not extent > 0:
-        raise InputError("the mesh is a single point: it has no size to be shown at")
-    if size_m is not None and not 0 < size_m < math.inf:
-        raise InputError(f"a mesh's size must be a positive number of metres, got {size_m}")
-    middle, size = mesh_stand(display, size_m)
-    frame = np.eye(3) if up == "y" else np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
-    turn = math.radians(turn_deg)
-    about = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
-    tilt = math.radians(tilt_deg)
-    leaning = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
-    matrix = np.eye(4)
-    matrix[:3, :3] = leaning @ about @ frame * (size / extent)
-    matrix[:3, 3] = np.array(middle if at_m is None else at_m) - matrix[:3, :3] @ ((low + high) / 2)
-    return matrix
 
+    target: tuple[float, float] = (0.5, 0.5)
+    heading_deg: float = 0.0
+    pitch_deg: float = 40.0
+    range_m: float | None = None
+    exaggeration: float = 1.0
 
-def motion_of(room_from_content: Callable[[float], Floats], time_s: float) -> Floats:
-    """How places of the room move, at a time, with what stands by a map (4, 4) of time: (3, 4), see `Tolerance`."""
-    here = np.linalg.inv(room_from_content(time_s))
-    later, earlier = (room_from_content(time_s + step_s) for step_s in (_STEP_S, -_STEP_S))
-    return np.asarray(((later - earlier) @ here / (2 * _STEP_S))[:3])
+    def __post_init__(self) -> None:
+        if not all(0 <= part <= 1 for part in self.target):
+            raise InputError(f"target must be two numbers from 0 to 1, got {self.target}")
+        if not math.isfinite(self.heading_deg):
+            raise InputError(f"heading_deg must be finite, got {self.heading_deg}")
+        if not 0 <= self.pitch_deg <= 90:
+            raise InputError(f"pitch_deg must be from 0 (along the ground) to 90 (straight down), got {self.pitch_deg}")
+        if self.range_m is not None and not 0 < self.range_m < math.inf:
+            raise InputError(f"range_m must be a positive number of metres, got {self.range_m}")
+        if not 0 < self.exaggeration <= 1000:
+            raise InputError(f"exaggeration must lie above 0 and at most at 1000, got {self.exaggeration}")

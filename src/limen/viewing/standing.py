@@ -8,7 +8,7 @@ import numpy as np
 
 from limen.display.display import Display
 from limen.geometry import Floats, as_vec3
-from limen.viewing.placement import arrangement_of, facing_of_wall, middle_of_wall
+from limen.viewing.arrangement import arrangement_of, facing_of_wall, middle_of_wall
 from limen.viewing.viewer import Viewer
 
 __all__ = ["standing_viewer"]

@@ -12,9 +12,10 @@ from cyclopts import Group, Parameter
 
 from limen.errors import InputError
 from limen.layers.terrain.look import Colours, TerrainLook
-from limen.layers.terrain.look_at import Flight, LookAt
+from limen.layers.terrain.look_at import Flight
 from limen.viewing.choices import CameraKind, Mode
 from limen.viewing.panel_demands import Rule
+from limen.viewing.placement import LookAt
 
 if TYPE_CHECKING:
     from limen.data.terrain.file import Terrain

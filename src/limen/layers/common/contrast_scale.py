@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from limen.geometry import Floats
 from limen.layers.common.page_detail import needed_share
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 from limen.vision.contrast_codes import CONTRAST_OF_CODE
 
 __all__ = ["shares_of_codes", "shares_of_policy"]

@@ -12,7 +12,7 @@ import statistics
 from collections import deque
 from dataclasses import replace
 
-from limen.viewing.tolerance import Policy
+from limen.viewing.policy import Policy
 
 __all__ = ["Throttle"]
 

@@ -31,7 +31,8 @@ from limen.stream.chunks import completed
 from limen.stream.pages import PageStream
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface, Placement, carried_lenses
-from limen.viewing.tolerance import Policy, Tolerance, tolerance_of
+from limen.viewing.policy import Policy
+from limen.viewing.tolerance import Tolerance, tolerance_of
 from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
 __all__ = ["GPU_BYTES", "LOOKAHEAD_S", "FrameReport", "LensMoves", "Renderer", "select_ahead"]

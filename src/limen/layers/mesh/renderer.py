@@ -24,6 +24,7 @@ from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.layers.common.contrast_scale import shares_of_policy
 from limen.layers.common.frame_time import Throttle
+from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.common.stereo import Anaglyph
 from limen.layers.mesh.draw.drawer import SceneLayer, SceneOverlay
@@ -31,9 +32,9 @@ from limen.layers.mesh.draw.folded import fold_colours, mesh_of_nodes
 from limen.layers.mesh.select import Extent, Foldable, FoldSight, MeshCut, select_mesh
 from limen.viewing.camera import Camera
 from limen.viewing.choices import STEREOS, Depth, Stereo
-from limen.viewing.placement import mesh_in_room
+from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews, Windows, guard_of
-from limen.viewing.tolerance import STANDS, Policy, tolerance_of
+from limen.viewing.tolerance import STANDS, tolerance_of
 from limen.viewing.viewer import Viewer
 
 __all__ = ["BACKGROUND", "SceneRenderer", "SceneReport", "Simplified", "Viewers"]
@@ -121,7 +122,7 @@ class SceneRenderer:
         What is shown, and on what.
     room_from_mesh
         Affine map from the mesh's coordinates to the room, metres: shape (4, 4). By default it stands where
-        `limen.viewing.placement.mesh_in_room` puts it.
+        `limen.layers.common.room_placement.mesh_in_room` puts it.
     stereo
         ``none``: one eye, midway between the two. ``anaglyph``: red of the left eye, cyan of the right.
         ``side-by-side``: pictures of twice the width. ``sequential``: two pictures, the left eye's first.

@@ -37,8 +37,9 @@ from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import CREST, count_left, deaths, emit, fold, spreads
 from limen.layers.mesh.holes import Covers, covers_of, openings_of
 from limen.system import worker_count
+from limen.viewing.policy import COUNTED, Policy
 from limen.viewing.projection import PanelViews
-from limen.viewing.tolerance import COUNTED, Policy, Tolerance
+from limen.viewing.tolerance import Tolerance
 from limen.vision.contrast_codes import CONTRAST_OF_CODE
 
 __all__ = ["Extent", "FoldSight", "Foldable", "MeshCut", "select_mesh"]

@@ -24,15 +24,16 @@ from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.layers.common.contrast_scale import shares_of_policy
 from limen.layers.common.frame_time import Throttle
+from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.points.draw.drawer import PointsLayer, PointsOverlay, Shape, SplatMethod
 from limen.layers.points.select import PointCut, PointTree, Sight, select_points
 from limen.layers.points.stream import CHUNK_BYTES, PointStream
 from limen.stream.chunks import Update, completed
 from limen.viewing.camera import Camera
-from limen.viewing.placement import mesh_in_room
+from limen.viewing.policy import Policy
 from limen.viewing.projection import Windows, guard_of
-from limen.viewing.tolerance import STANDS, Policy, tolerance_of
+from limen.viewing.tolerance import STANDS, tolerance_of
 from limen.viewing.viewer import Viewer
 
 __all__ = ["BACKGROUND", "PointsRenderer", "PointsReport"]
@@ -108,7 +109,7 @@ class PointsRenderer:
         What is shown, and on what.
     room_from_file
         A rotation, one scale and a move from the file's coordinates to the room, metres: shape (4, 4). By default the
-        cloud stands where `limen.viewing.placement.mesh_in_room` puts it.
+        cloud stands where `limen.layers.common.room_placement.mesh_in_room` puts it.
     lit
         Whether splats that have normals are lit; by default where the file has no colours.
     shape, method

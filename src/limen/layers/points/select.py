@@ -32,8 +32,9 @@ from limen.layers.common.lighting import AMBIENT, TOWARD_LIGHT
 from limen.layers.common.sphere_kernels import BINS
 from limen.layers.points.kernels import cut_chunks, cut_tops
 from limen.system import worker_count
+from limen.viewing.policy import COUNTED, Policy
 from limen.viewing.projection import PanelViews
-from limen.viewing.tolerance import COUNTED, Policy, Tolerance
+from limen.viewing.tolerance import Tolerance
 
 if TYPE_CHECKING:
     from limen.data.points.file import Points  # Zarr takes half a second

@@ -10,7 +10,7 @@ display does, so that the ground before it stays behind the panels too.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
@@ -19,11 +19,11 @@ from limen.data.terrain.model import Nodes, metric_from_posts
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
-from limen.viewing.placement import arrangement_of, mesh_in_room, middle_of_wall
+from limen.layers.common.room_placement import mesh_in_room
+from limen.viewing.arrangement import arrangement_of, middle_of_wall
+from limen.viewing.placement import LookAt
 
-__all__ = [
-    "BEHIND", "FLIGHTS", "Flight", "Land", "LookAt", "check_stands", "fitted_range_m", "in_flight", "room_from_posts",
-]  # fmt: skip
+__all__ = ["BEHIND", "FLIGHTS", "Flight", "Land", "check_stands", "fitted_range_m", "in_flight", "room_from_posts"]
 
 BEHIND = 3.0
 
@@ -50,48 +50,6 @@ class Land(Protocol):
     def spacing_m(self) -> tuple[float, float]: ...
     @property
     def nodes(self) -> Nodes: ...
-
-
-@dataclass(frozen=True, slots=True)
-class LookAt:
-    """From where a terrain is looked at.
-
-    Parameters
-    ----------
-    target
-        The place in the middle: 0 ... 1 from the terrain's first column and first row.
-    heading_deg
-        Where the camera looks, clockwise from north (the first row).
-    pitch_deg
-        How far it looks down: 0 along the ground, 90 straight down.
-    range_m
-        How far it is from the target; ``None``: just so far that all of the terrain is seen.
-    exaggeration
-        Heights are multiplied by it.
-
-    Raises
-    ------
-    InputError
-        For numbers that cannot be.
-    """
-
-    target: tuple[float, float] = (0.5, 0.5)
-    heading_deg: float = 0.0
-    pitch_deg: float = 40.0
-    range_m: float | None = None
-    exaggeration: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not all(0 <= part <= 1 for part in self.target):
-            raise InputError(f"target must be two numbers from 0 to 1, got {self.target}")
-        if not math.isfinite(self.heading_deg):
-            raise InputError(f"heading_deg must be finite, got {self.heading_deg}")
-        if not 0 <= self.pitch_deg <= 90:
-            raise InputError(f"pitch_deg must be from 0 (along the ground) to 90 (straight down), got {self.pitch_deg}")
-        if self.range_m is not None and not 0 < self.range_m < math.inf:
-            raise InputError(f"range_m must be a positive number of metres, got {self.range_m}")
-        if not 0 < self.exaggeration <= 1000:
-            raise InputError(f"exaggeration must lie above 0 and at most at 1000, got {self.exaggeration}")
 
 
 def check_stands(display: Display, look: LookAt, flight: Flight) -> None:

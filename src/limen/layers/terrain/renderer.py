@@ -25,12 +25,12 @@ from limen.layers.common.contrast_survey import SurveyedContrast
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.terrain.draw.drawer import Rims, TerrainOverlay
 from limen.layers.terrain.look import TerrainLook, panel_tints
-from limen.layers.terrain.look_at import LookAt
 from limen.layers.terrain.resources import GPU_BYTES, Draped, TerrainStock, Wishes
 from limen.layers.terrain.selector import Choice, Scenery, TerrainSettings, TerrainSight, merged
 from limen.viewing.camera import Camera
 from limen.viewing.panel_demands import PanelDemands
-from limen.viewing.tolerance import Policy
+from limen.viewing.placement import LookAt
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Pointer, Viewer
 
 if TYPE_CHECKING:

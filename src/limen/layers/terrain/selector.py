@@ -17,13 +17,14 @@ from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.layers.common.page_detail import Detail
-from limen.layers.terrain.look_at import Flight, LookAt, check_stands, fitted_range_m, in_flight, room_from_posts
+from limen.layers.terrain.look_at import Flight, check_stands, fitted_range_m, in_flight, room_from_posts
 from limen.layers.terrain.pages import Faint, TerrainPages, pages_for_terrain
 from limen.layers.terrain.select import TerrainCut, select_terrain
 from limen.viewing.choices import CAMERAS, CameraKind, Mode
 from limen.viewing.panel_demands import PanelDemands, Rule, panel_demands
+from limen.viewing.placement import LookAt
+from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews, Windows, guard_of
-from limen.viewing.tolerance import Policy
 from limen.viewing.viewer import Pointer, Viewer
 
 __all__ = ["Choice", "Scenery", "TerrainSettings", "TerrainSight", "merged"]
