@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from limen.stream.ranges import Arena
+from limen.stream.ranges import RangeAllocator
 
 
 class Owners:
@@ -28,7 +28,7 @@ class Owners:
 
 @given(st.integers(1, 60), st.lists(st.tuples(st.booleans(), st.integers(1, 25), st.integers(0, 100)), max_size=60))
 def test_ranges_are_those_of_the_plain_search(capacity, steps):
-    arena, owners = Arena(capacity), Owners(capacity)
+    arena, owners = RangeAllocator(capacity), Owners(capacity)
     held = []
     for number, (takes, size, which) in enumerate(steps):
         if takes or not held:
@@ -53,13 +53,13 @@ def test_ranges_are_those_of_the_plain_search(capacity, steps):
 
 
 def test_what_was_not_taken_cannot_be_given_back():
-    arena = Arena(8)
+    arena = RangeAllocator(8)
     arena.take(4)
     with pytest.raises(KeyError):
         arena.give_back(2)
     with pytest.raises(ValueError, match="at least one element"):
         arena.take(0)
     with pytest.raises(ValueError, match="at least one element"):
-        Arena(0)
+        RangeAllocator(0)
     with pytest.raises(ValueError, match="cannot shrink to 7"):
         arena.grow(7)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from limen.stream.chunks import Index
-from limen.stream.ranges import Arena
+from limen.stream.ranges import RangeAllocator
 
 __all__ = ["Ranges", "Slots"]
 
@@ -54,7 +54,7 @@ class Ranges:
     def __init__(
         self, capacities: Sequence[int], most: Sequence[Index], sizes_of: Callable[[Any], tuple[int, ...]]
     ) -> None:
-        self._arenas = [Arena(capacity) for capacity in capacities]
+        self._arenas = [RangeAllocator(capacity) for capacity in capacities]
         self._most, self._sizes_of = most, sizes_of
 
     def fitting(self, chunks: Index) -> int:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from bisect import bisect_left
 
-__all__ = ["Arena"]
+__all__ = ["RangeAllocator"]
 
 
-class Arena:
+class RangeAllocator:
     """Room for ``capacity`` elements; every request gets the first free range that is long enough.
 
     Ranges that are given back grow together with free neighbours, so that no two free ranges ever touch.
 
-    >>> arena = Arena(10)
+    >>> arena = RangeAllocator(10)
     >>> arena.take(4), arena.take(4), arena.take(4)
     (0, 4, None)
     >>> arena.give_back(0)

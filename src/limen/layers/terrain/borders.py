@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from limen.data.terrain.model import SIDES, Patch
 from limen.errors import InputError
 from limen.layers.terrain import border_kernels as kernels
-from limen.stream.ranges import Arena
+from limen.stream.ranges import RangeAllocator
 
 __all__ = ["Fans", "RimPool"]
 
@@ -111,7 +111,7 @@ class _Rows:
     """Rows of whole numbers that come and go in one array, which grows where no free range is long enough."""
 
     def __init__(self, columns: int) -> None:
-        self._arena = Arena(256)
+        self._arena = RangeAllocator(256)
         self.rows = np.zeros((self._arena.capacity, columns), dtype=np.int32)
 
     @property
