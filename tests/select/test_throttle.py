@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from limen.errors import InputError
-from limen.layers.common.frame_time import Throttle
+from limen.layers.common.frame_time import FrameTimeBudget
 from limen.viewing.policy import Policy
 
 
@@ -17,7 +17,7 @@ def run(
 ):
     """Times and numbers of items of frames on a machine with a constant part, noise, and hitches of ten times."""
     rng = np.random.default_rng(int(most_ms * 1000))
-    throttle, policy = Throttle(), Policy("budget", most_ms=most_ms)
+    throttle, policy = FrameTimeBudget(), Policy("budget", most_ms=most_ms)
     times, items = [], []
     for _ in range(frames):
         within = throttle.within(policy)
@@ -52,7 +52,7 @@ def test_more_time_buys_more_and_too_little_buys_the_least():
 
 
 def test_parts_of_a_frame_share_its_time():
-    throttle, policy = Throttle(4), Policy("budget", most_ms=20)
+    throttle, policy = FrameTimeBudget(4), Policy("budget", most_ms=20)
     for _ in range(60):
         throttle.spent(policy, 1e-4 * throttle.within(policy).most_items)
     assert 1e-4 * throttle.within(policy).most_items == pytest.approx(5, rel=0.1)
@@ -60,7 +60,7 @@ def test_parts_of_a_frame_share_its_time():
 
 def test_other_policies_are_left_alone_and_a_time_is_no_number():
     plain = Policy("contrast", gaze=True)
-    assert Throttle().within(plain) is plain
+    assert FrameTimeBudget().within(plain) is plain
     assert Policy.parse("budget+gaze:12ms").title == "budget+gaze:12ms"
     assert Policy.parse("budget:8ms").eyesight == Policy("contrast")
     for text in ("budget:-3ms", "budget:0ms", "budget:ms", "size:12ms", "contrast:12ms"):

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from limen.viewing.policy import Policy
 
-__all__ = ["Throttle"]
+__all__ = ["FrameTimeBudget"]
 
 _BEGIN, _LEAST = 20_000, 500
 _FRAMES = 3  # whose median counts: one frame that was held up changes nothing
@@ -22,7 +22,7 @@ _GAIN, _STEP = 0.7, 2.0  # part of the way that is gone at once, and the largest
 _DEAD = 0.05  # off the budget by less, nothing changes
 
 
-class Throttle:
+class FrameTimeBudget:
     """Of one renderer: told what every frame took, it says how many items the next may have.
 
     A frame's time is taken to grow with their number, in proportion at most; then going part of the way never

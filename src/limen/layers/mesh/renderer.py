@@ -23,7 +23,7 @@ from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.layers.common.contrast_scale import shares_of_policy
-from limen.layers.common.frame_time import Throttle
+from limen.layers.common.frame_time import FrameTimeBudget
 from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.common.stereo import Anaglyph
@@ -184,7 +184,7 @@ class SceneRenderer:
         self._anaglyph = Anaglyph(device) if stereo == "anaglyph" else None
         self._tinted = False
         self._last: tuple[Any, MeshCut] | None = None
-        self._throttle = Throttle(len(self.quilts))
+        self._throttle = FrameTimeBudget(len(self.quilts))
         self._reader = TextureReader(device)
 
     def move(self, mesh: Mesh) -> None:

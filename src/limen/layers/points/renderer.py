@@ -23,7 +23,7 @@ from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.layers.common.contrast_scale import shares_of_policy
-from limen.layers.common.frame_time import Throttle
+from limen.layers.common.frame_time import FrameTimeBudget
 from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.points.draw.drawer import PointsLayer, PointsOverlay, Shape, SplatMethod
@@ -169,7 +169,7 @@ class PointsRenderer:
         self._layer = PointsLayer(
             device, np.concatenate(points.tops), self._stream.slots, background=background, shape=shape, method=method
         )
-        self._throttle = Throttle(len(self.quilts))
+        self._throttle = FrameTimeBudget(len(self.quilts))
         self._reader = TextureReader(device)
 
     # ------------------------------------------------------------------ live
