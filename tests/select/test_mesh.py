@@ -16,7 +16,7 @@ from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.layers.common.contrast_scale import shares_of_codes
+from limen.layers.common.contrast_scale import acuity_scale_of_contrast
 from limen.layers.mesh.bend_kernels import MOMENTS, ripples, star_moments
 from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
@@ -55,7 +55,7 @@ def ball(rings: int = 40, *, bumps: float = 0.02) -> Mesh:
 
 BALL = Foldable(build_vertex_tree(ball()))
 VIEWS = Windows(Display.window((640, 480)), Quilt((640, 480), (0,), ((0, 0),))).seen_from(np.zeros(3))
-SHARES = shares_of_codes(100.0)
+SHARES = acuity_scale_of_contrast(100.0)
 
 
 def sight(policy: str, distance_m: float = 6.0, turn: float = 0.3, *, acuity: float = 3.0, extent="displacement"):

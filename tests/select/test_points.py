@@ -23,7 +23,7 @@ from limen.data.points.nodes import (
 )
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.layers.common.contrast_scale import shares_of_codes
+from limen.layers.common.contrast_scale import acuity_scale_of_contrast
 from limen.layers.points.select import TOP_ITEM, PointTree, ResidentNodes, Sight, select_points
 from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews, Windows
@@ -37,7 +37,7 @@ ALL = ResidentNodes(
     np.ascontiguousarray(NODES).view(np.uint32).reshape(CLOUD.chunks, CHUNK_NODES, 4),
     np.arange(CLOUD.chunks, dtype=np.int32),
 )
-SHARES = shares_of_codes(100.0)
+SHARES = acuity_scale_of_contrast(100.0)
 
 
 def views_of(size_px=(640, 480), eye_m=(0.0, 0.0, 0.0)) -> PanelViews:

@@ -32,7 +32,7 @@ from limen.display.quilt import pack
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.layers.common.contrast_scale import shares_of_policy
+from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.mesh.draw.folded import mesh_of_nodes
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
 from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
@@ -184,7 +184,7 @@ def _cuts(name: str, mesh: Mesh, foldable: Foldable, most: int, frames: int) -> 
         tolerance = tolerance_of([scene.viewer], policy.eyesight)
         spent = []
         for pose in [scene.poses[0], *scene.poses]:  # the first also compiles
-            sight = FoldSight((views,), scene.stands(pose), tolerance, policy, shares_of_policy(policy, whites))
+            sight = FoldSight((views,), scene.stands(pose), tolerance, policy, acuity_scale(policy, whites))
             begin = time.process_time()
             select_mesh(foldable, sight)
             spent.append(time.process_time() - begin)

@@ -14,7 +14,7 @@ from limen.data.points.file import Points
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.geometry import Floats
-from limen.layers.common.contrast_scale import shares_of_policy
+from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
 from limen.layers.points.select import PointTree, Sight, select_points
 from limen.layers.points.stream import PointStream
@@ -125,7 +125,7 @@ def count_scene_traffic(
             for frame in frames:
                 views = [each.seen_from(frame.viewers[0].position_m) for each in windows]
                 for policy in every:
-                    shares = shares_of_policy(policy, whites)
+                    shares = acuity_scale(policy, whites)
                     parts = [source.counted(view, frame, policy, shares) for view in views]
                     seen[policy].append(
                         _Counted(

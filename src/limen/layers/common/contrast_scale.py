@@ -18,10 +18,10 @@ from limen.layers.common.page_detail import needed_share
 from limen.viewing.policy import Policy
 from limen.vision.contrast_codes import CONTRAST_OF_CODE
 
-__all__ = ["shares_of_codes", "shares_of_policy"]
+__all__ = ["acuity_scale", "acuity_scale_of_contrast"]
 
 
-def shares_of_codes(luminance_cd_m2: ArrayLike) -> Floats:
+def acuity_scale_of_contrast(luminance_cd_m2: ArrayLike) -> Floats:
     """The finest detail seen at full contrast over the finest seen at each code's contrast, 0 ... 1: shape (256,).
 
     A detail of an angle ``a`` and of contrast code ``c`` is invisible where ``a * share[c]`` is below what an eye
@@ -38,11 +38,11 @@ def shares_of_codes(luminance_cd_m2: ArrayLike) -> Floats:
     return np.concatenate([[0.0], np.maximum.accumulate(shares)])
 
 
-def shares_of_policy(policy: Policy, whites_cd_m2: Iterable[float]) -> Floats:
-    """`shares_of_codes` where a policy asks for contrasts, found once for panels of such whites; else ones."""
+def acuity_scale(policy: Policy, whites_cd_m2: Iterable[float]) -> Floats:
+    """`acuity_scale_of_contrast` where a policy asks for contrasts, found once for panels of such whites; else ones."""
     return _once(frozenset(whites_cd_m2)) if policy.eyesight.name == "contrast" else np.ones(256)
 
 
 @cache
 def _once(whites_cd_m2: frozenset[float]) -> Floats:
-    return shares_of_codes(list(whites_cd_m2))
+    return acuity_scale_of_contrast(list(whites_cd_m2))

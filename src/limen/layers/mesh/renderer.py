@@ -22,7 +22,7 @@ from limen.errors import DeviceLimitError, InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
-from limen.layers.common.contrast_scale import shares_of_policy
+from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.common.frame_time import FrameTimeBudget
 from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.common.simulator import LitDisplay
@@ -362,7 +362,7 @@ class SceneRenderer:
         if self._last is None or self._last[0] != asked:  # nothing has moved: the cut is that of the frame before
             sight = FoldSight(
                 tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight, self.motion), policy,
-                shares_of_policy(policy, self._whites), self.simplified.extent,
+                acuity_scale(policy, self._whites), self.simplified.extent,
             )  # fmt: skip
             self._last = asked, select_mesh(self.simplified.foldable, sight)
             self._layer.choose(self._last[1].triangles)

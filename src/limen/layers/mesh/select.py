@@ -29,7 +29,7 @@ from limen.data.mesh.vertex_tree import VertexTree
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.layers.common.budget import budget_limit, eye_rows, panel_rows
-from limen.layers.common.contrast_scale import shares_of_codes
+from limen.layers.common.contrast_scale import acuity_scale_of_contrast
 from limen.layers.common.lighting import AMBIENT, TOWARD_LIGHT
 from limen.layers.common.sphere_kernels import BINS
 from limen.layers.mesh.bend_kernels import MOMENTS, nest, ripples, star_moments
@@ -219,5 +219,5 @@ def _ripples(tree: VertexTree) -> Floats:
     ripple2 = np.zeros(nodes)
     ripples(tree.parent, region, own, ripple2)
     ripple = np.sqrt(ripple2[vertices:])
-    nest(tree.parent, vertices, tree.radius, ripple, _USUALLY_STEEP, shares_of_codes(100.0), CONTRAST_OF_CODE)
+    nest(tree.parent, vertices, tree.radius, ripple, _USUALLY_STEEP, acuity_scale_of_contrast(100.0), CONTRAST_OF_CODE)
     return ripple

@@ -22,7 +22,7 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
-from limen.layers.common.contrast_scale import shares_of_policy
+from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.common.frame_time import FrameTimeBudget
 from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.common.simulator import LitDisplay
@@ -274,7 +274,7 @@ class PointsRenderer:
         sight = Sight(
             windows.seen_from(viewers[0].position_m), self._room_from_cloud,
             tolerance_of(viewers, policy.eyesight, self.motion), self._throttle.within(policy),
-            shares_of_policy(policy, self._whites), self.lit,
+            acuity_scale(policy, self._whites), self.lit,
         )  # fmt: skip
         cut = select_points(self._tree, self._stream.nodes, sight)
         return _Chosen(quilt, windows, sight, cut, time.perf_counter() - begin, self._stream.resident.generation)

@@ -104,7 +104,7 @@ class Sight:
     policy
         ``full`` and ``size`` know pixels alone.
     shares
-        Of `limen.layers.common.contrast_scale.shares_of_codes`, (256,); of ``acuity``, ones.
+        Of `limen.layers.common.contrast_scale.acuity_scale_of_contrast`, (256,); of ``acuity``, ones.
     lit
         Whether splats with normals are lit: then normals that differ make contrast.
     """
