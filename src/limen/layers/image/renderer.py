@@ -21,7 +21,7 @@ from limen.display.display import Display
 from limen.display.quilt import Quilt, pack, pieces
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
-from limen.layers.common.contrast_survey import SurveyedContrast
+from limen.layers.common.known_contrast import KnownContrast
 from limen.layers.common.page_detail import Detail
 from limen.layers.image.cut import Cut
 from limen.layers.image.draw.drawer import ImageLayer, Overlay, Sampling, drawable_of
@@ -123,7 +123,7 @@ class Renderer:
             threads=threads or max(2, os.cpu_count() or 2),
         )
         self._parts: dict[Quilt, View] = {}
-        self._contrast = SurveyedContrast(image)
+        self._contrast = KnownContrast(image)
         self._earlier: tuple[Viewer, ...] = ()
 
     # ------------------------------------------------------------------ live

@@ -21,7 +21,7 @@ from limen.display.quilt import Quilt, pieces
 from limen.geometry import Vec3
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
-from limen.layers.common.contrast_survey import SurveyedContrast
+from limen.layers.common.known_contrast import KnownContrast
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.terrain.draw.drawer import Rims, TerrainOverlay
 from limen.layers.terrain.look import TerrainLook, panel_tints
@@ -153,7 +153,7 @@ class TerrainRenderer:
             display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, 2 * widest)
         )
         scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
-        self._contrast = SurveyedContrast(draped.image) if draped else None
+        self._contrast = KnownContrast(draped.image) if draped else None
         if draped and self._contrast:
             detail = partial(self._contrast.detail, display)
             scenery = scenery.draped(draped.image.pyramid, draped.texel_from_post, detail)

@@ -10,10 +10,10 @@ from limen.data.image.file import Image
 from limen.display.display import Display
 from limen.layers.common.page_detail import Detail, contrast_detail
 
-__all__ = ["SurveyedContrast"]
+__all__ = ["KnownContrast"]
 
 
-class SurveyedContrast:
+class KnownContrast:
     """What is known of the contrast of an image's pages, and what that hides.
 
     The first frame that asks starts a survey in the background, unless the bytes lie beside the image; pages not
