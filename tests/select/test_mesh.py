@@ -20,7 +20,7 @@ from limen.layers.common.contrast_scale import acuity_scale_of_contrast
 from limen.layers.mesh.bend_kernels import MOMENTS, ripples, star_moments
 from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
-from limen.layers.mesh.holes import openings_of
+from limen.layers.mesh.holes import visible_holes
 from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
 from limen.viewing.policy import Policy
 from limen.viewing.projection import Windows
@@ -236,14 +236,14 @@ def test_a_closed_surface_hides_its_back_and_one_with_a_hole_from_one_side_only(
     )  # fmt: skip
     whole, holed = BALL.covers, Foldable(build_vertex_tree(open_below)).covers
     above, below = np.array([0.0, 5, 0]), np.array([0.0, -5, 0])
-    assert not len(openings_of(whole, above))
-    assert not len(openings_of(whole, below))
-    assert not len(openings_of(holed, above))
-    ((x, y, z, half),) = openings_of(holed, below)
+    assert not len(visible_holes(whole, above))
+    assert not len(visible_holes(whole, below))
+    assert not len(visible_holes(holed, above))
+    ((x, y, z, half),) = visible_holes(holed, below)
     np.testing.assert_allclose([x, y, z], [0, 1, 0], atol=0.05)
     assert half == pytest.approx(math.asin(0.6 / math.hypot(4.2, 0)), rel=0.1)  # the rim is 0.6 m about y = -0.8 m
-    assert openings_of(holed, np.array([0, -0.9, 0]))[0, 3] == np.pi, "an eye in the hole sees all of the inside"
-    assert openings_of(None, above)[0, 3] == np.pi, "what is no surface hides nothing"
+    assert visible_holes(holed, np.array([0, -0.9, 0]))[0, 3] == np.pi, "an eye in the hole sees all of the inside"
+    assert visible_holes(None, above)[0, 3] == np.pi, "what is no surface hides nothing"
 
 
 def test_what_is_seen_through_a_hole_folds_as_late_as_the_front():

@@ -15,12 +15,12 @@ from limen.data.mesh.node_kernels import first_at_places
 from limen.data.mesh.vertex_tree import VertexTree
 from limen.geometry import Floats
 
-__all__ = ["Covers", "covers_of", "openings_of"]
+__all__ = ["HoleCovers", "covers_of", "visible_holes"]
 
 _EVERYWHERE: Floats = np.array([[0.0, 0.0, 1.0, np.pi]])
 
 
-class Covers(NamedTuple):
+class HoleCovers(NamedTuple):
     """What would close the holes of a surface: fans of triangles around the middles of H loops of border edges."""
 
     planes: Floats  # (F, 4), of the fans' triangles, turned outwards
@@ -28,7 +28,7 @@ class Covers(NamedTuple):
     spheres: Floats  # (H, 4): middle and radius of what holds each loop
 
 
-def openings_of(covers: Covers | None, eye_in_mesh: Floats) -> Floats:
+def visible_holes(covers: HoleCovers | None, eye_in_mesh: Floats) -> Floats:
     """Cones in which an eye may see a surface from behind, (K, 4): unit way from the eye, half angle in radians.
 
     An eye is before a hole if it is before any triangle of the fan that would close it.
@@ -50,7 +50,7 @@ def openings_of(covers: Covers | None, eye_in_mesh: Floats) -> Floats:
     return np.concatenate([way / far[:, None], np.arcsin(radius / far)[:, None]], axis=1)
 
 
-def covers_of(tree: VertexTree) -> Covers | None:
+def covers_of(tree: VertexTree) -> HoleCovers | None:
     """What would close the loops of a mesh's border edges; vertices of one place count as one.
 
     None where edges have more than two triangles or are turned against each other.
@@ -83,7 +83,7 @@ def covers_of(tree: VertexTree) -> Covers | None:
         loops.append(own[loop].astype(float))
     fans = [_fan(ring) for ring in loops]
     middles = [ring.mean(axis=0) for ring in loops]
-    return Covers(
+    return HoleCovers(
         np.concatenate([np.zeros((0, 4)), *fans]),
         np.repeat(np.arange(len(fans)), [len(fan) for fan in fans]),
         np.array([[*m, np.linalg.norm(ring - m, axis=1).max()] for m, ring in zip(middles, loops, strict=True)])

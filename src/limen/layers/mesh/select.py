@@ -35,7 +35,7 @@ from limen.layers.common.sphere_kernels import BINS
 from limen.layers.mesh.bend_kernels import MOMENTS, nest, ripples, star_moments
 from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import CREST, count_left, deaths, emit, fold, spreads
-from limen.layers.mesh.holes import Covers, covers_of, openings_of
+from limen.layers.mesh.holes import HoleCovers, covers_of, visible_holes
 from limen.system import worker_count
 from limen.viewing.policy import COUNTED, Policy
 from limen.viewing.projection import PanelViews
@@ -77,7 +77,7 @@ class Foldable:
         self.ripple = _ripples(tree)
 
     @cached_property
-    def covers(self) -> Covers | None:
+    def covers(self) -> HoleCovers | None:
         """What would close its holes, see `limen.layers.mesh.holes`."""
         return covers_of(self.tree)
 
@@ -181,7 +181,7 @@ def _folded(
         tree.parent, tree.vertices, tree.normal, tree.middle, tree.radius, tree.displacement, tree.contrast,
         mesh.spread, mesh.ripple, tree.mask, mesh.lost, masks.front, masks.back, SPREAD_SINES, panels,
         eye_rows(sight.tolerance, eye_m), way, size, way[:, :3] / size, light, np.asarray(sight.shares, dtype=float),
-        mode, sight.extent == "displacement", openings_of(mesh.covers, in_mesh[:3]), limit, state,
+        mode, sight.extent == "displacement", visible_holes(mesh.covers, in_mesh[:3]), limit, state,
         np.full(len(tree.radius), -1.0), faces, histogram,
     )  # fmt: skip
     left, asked, largest, widest = found
