@@ -21,7 +21,7 @@ from limen.layers.mesh.bend_kernels import MOMENTS, ripples, star_moments
 from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
 from limen.layers.mesh.holes import visible_holes
-from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
+from limen.layers.mesh.select import Foldable, FoldRequest, select_mesh
 from limen.viewing.policy import Policy
 from limen.viewing.projection import Windows
 from limen.viewing.tolerance import tolerance_of
@@ -65,7 +65,7 @@ def sight(policy: str, distance_m: float = 6.0, turn: float = 0.3, *, acuity: fl
     matrix[:3, 3] = 0, 0, -distance_m
     viewers = [Viewer((0, 0, 0), gaze=(0.5, 0, -1), acuity_arcmin=acuity, eye_separation_m=0)]
     shares = SHARES if chosen.eyesight.name == "contrast" else np.ones(256)
-    return FoldSight((VIEWS,), matrix, tolerance_of(viewers, chosen.eyesight), chosen, shares, extent)
+    return FoldRequest((VIEWS,), matrix, tolerance_of(viewers, chosen.eyesight), chosen, shares, extent)
 
 
 def test_all_triangles_are_left_where_nothing_is_folded():
@@ -255,7 +255,7 @@ def test_what_is_seen_through_a_hole_folds_as_late_as_the_front():
     tolerance = tolerance_of([Viewer((0, 0, 0), eye_separation_m=0.0)], chosen)
     left = []
     for foldable in (holed, BALL):
-        cut = select_mesh(foldable, FoldSight((VIEWS,), below, tolerance, chosen, SHARES))
+        cut = select_mesh(foldable, FoldRequest((VIEWS,), below, tolerance, chosen, SHARES))
         top = foldable.tree.middle[:, 1] > 0.3
         assert (cut.faces[top] == HIDDEN).any()
         left.append(int((cut.state[foldable.tree.vertices : -1][top] == -1).sum()))

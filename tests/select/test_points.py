@@ -24,7 +24,7 @@ from limen.data.points.nodes import (
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.layers.common.contrast_scale import acuity_scale_of_contrast
-from limen.layers.points.select import TOP_ITEM, PointTree, ResidentNodes, Sight, select_points
+from limen.layers.points.select import TOP_ITEM, PointsRequest, PointTree, ResidentNodes, select_points
 from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews, Windows
 from limen.viewing.tolerance import tolerance_of
@@ -54,12 +54,12 @@ def standing(distance_m: float, turn: float = 0.0, size: float = 1.0):
     return matrix
 
 
-def sight(policy: str, distance_m: float = 3.0, turn: float = 0.0, viewers=None, lit: bool = True) -> Sight:
+def sight(policy: str, distance_m: float = 3.0, turn: float = 0.0, viewers=None, lit: bool = True) -> PointsRequest:
     chosen = Policy.parse(policy)
     viewers = [Viewer((0, 0, 0), gaze=(0.3, 0, -1), eye_separation_m=0)] if viewers is None else viewers
     shares = SHARES if chosen.eyesight.name == "contrast" else np.ones(256)
     tolerance = tolerance_of(viewers, chosen.eyesight)
-    return Sight(views_of(), standing(distance_m, turn), tolerance, chosen, shares, lit)
+    return PointsRequest(views_of(), standing(distance_m, turn), tolerance, chosen, shares, lit)
 
 
 # ---------------------------------------------------------------------- the definition, in plain NumPy
@@ -101,7 +101,7 @@ def children_of(item: int) -> list[int]:
     return [chunk * CHUNK_NODES + begin + child for child in range(FAN * index, min(FAN * index + FAN, held))]
 
 
-def k_of(item: int, seen: Sight) -> float:
+def k_of(item: int, seen: PointsRequest) -> float:
     """-1 where it is skipped."""
     centre, radius, normal, half, code = place_of(item)
     way = seen.way_from_cloud
@@ -146,7 +146,7 @@ def k_of(item: int, seen: Sight) -> float:
     return 0.0 if extent == 0 else pixels if allowed <= 0 else min(pixels, extent / allowed)
 
 
-def plain_cut(seen: Sight, limit: float = 1.0) -> set[int]:
+def plain_cut(seen: PointsRequest, limit: float = 1.0) -> set[int]:
     root = TOP_ITEM | int(TREE.level_first[-1])
     pending, drawn = [root], set()
     while pending:
@@ -206,7 +206,7 @@ def test_every_point_in_sight_is_covered_once_and_no_other_node_twice():
 )
 def test_a_tighter_tolerance_never_coarsens(distance_m, turn, policy, looser):
     tight = sight(policy, distance_m, turn)
-    loose = Sight(
+    loose = PointsRequest(
         tight.views, tight.room_from_cloud,
         tolerance_of([Viewer((0, 0, 0), gaze=(0.3, 0, -1), eye_separation_m=0, acuity_arcmin=0.64 * looser)],
                      tight.policy),

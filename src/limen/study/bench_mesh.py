@@ -35,7 +35,7 @@ from limen.gpu.device import Device, open_device
 from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.mesh.draw.folded import mesh_of_nodes
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
-from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
+from limen.layers.mesh.select import Foldable, FoldRequest, select_mesh
 from limen.study.bench_points import PeerRow
 from limen.study.mesh_peers import PEERS, missing_package
 from limen.study.observer import WINDOW_PX, Observer, light_of, missing_packages
@@ -184,7 +184,7 @@ def _cuts(name: str, mesh: Mesh, foldable: Foldable, most: int, frames: int) -> 
         tolerance = tolerance_of([scene.viewer], policy.eyesight)
         spent = []
         for pose in [scene.poses[0], *scene.poses]:  # the first also compiles
-            sight = FoldSight((views,), scene.stands(pose), tolerance, policy, acuity_scale(policy, whites))
+            sight = FoldRequest((views,), scene.stands(pose), tolerance, policy, acuity_scale(policy, whites))
             begin = time.process_time()
             select_mesh(foldable, sight)
             spent.append(time.process_time() - begin)

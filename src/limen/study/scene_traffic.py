@@ -15,8 +15,8 @@ from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.geometry import Floats
 from limen.layers.common.contrast_scale import acuity_scale
-from limen.layers.mesh.select import Foldable, FoldSight, select_mesh
-from limen.layers.points.select import PointTree, Sight, select_points
+from limen.layers.mesh.select import Foldable, FoldRequest, select_mesh
+from limen.layers.points.select import PointsRequest, PointTree, select_points
 from limen.layers.points.stream import PointStream
 from limen.stream.chunks import completed
 from limen.study.traffic import FRAMES_PER_S
@@ -154,7 +154,7 @@ class _Triangles:
     def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
         if not views.facing.any():
             return _Counted(0, 0, 0.0)
-        sight = FoldSight((views,), self._stands, _allowed(frame, policy), policy, shares)
+        sight = FoldRequest((views,), self._stands, _allowed(frame, policy), policy, shares)
         cut = select_mesh(self._foldable, sight)
         used = int(np.bincount(cut.triangles.ravel(), minlength=1).astype(bool).sum())
         return _Counted(len(cut), 3 * _INDEX_BYTES * len(cut) + _VERTEX_BYTES * used, cut.reached)
@@ -171,7 +171,7 @@ class _Splats:
         self._stands[:3, 3] += self._stands[:3, :3] @ points.origin
 
     def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
-        sight = Sight(views, self._stands, _allowed(frame, policy), policy, shares)
+        sight = PointsRequest(views, self._stands, _allowed(frame, policy), policy, shares)
         cut = select_points(self._tree, self._stream.nodes, sight)
         if not self._stream.resident.mask[cut.wanted].all():
             for _ in completed([(self._stream, cut.wanted)]):

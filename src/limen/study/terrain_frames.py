@@ -20,7 +20,7 @@ from limen.geometry import Floats
 from limen.gpu.device import Device
 from limen.layers.terrain.look import TerrainLook
 from limen.layers.terrain.renderer import TerrainRenderer
-from limen.layers.terrain.selector import Choice, Scenery, TerrainSettings, TerrainSight
+from limen.layers.terrain.selector import Choice, Scenery, TerrainSelector, TerrainSettings
 from limen.study.error_kernels import measure_residuals
 from limen.study.terrain_peers import INSTALL, missing_package
 from limen.study.terrain_table import Table2Row, at_wall_centre, table2_rows
@@ -213,7 +213,7 @@ def choice_of(terrain: Terrain, stage: Stage, policy: Policy) -> tuple[Choice, F
     scenery = Scenery(
         terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid, None, None
     )
-    sight = TerrainSight(
+    sight = TerrainSelector(
         scenery, display, [quilt], TerrainSettings(), whole=display, reference_m=viewer.position_m
     )  # fmt: skip
     return sight.choose(quilt, [viewer], sight.demands([viewer], policy, [])), sight.room_from_posts

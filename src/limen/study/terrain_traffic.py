@@ -18,7 +18,7 @@ from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 from limen.layers.common.page_detail import Detail
-from limen.layers.terrain.selector import Scenery, TerrainSettings, TerrainSight, merged
+from limen.layers.terrain.selector import Scenery, TerrainSelector, TerrainSettings, merged
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import FRAMES_PER_S, one_to_one_view
 from limen.track.session import Frame, Session
@@ -129,7 +129,7 @@ def count_terrain_traffic(
     scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
     if drape is not None:
         scenery = scenery.draped(drape.pyramid, drape.texel_from_post, lambda: drape.detail)
-    sight = TerrainSight(scenery, display, quilts, settings, whole=whole or display, reference_m=reference_m)
+    sight = TerrainSelector(scenery, display, quilts, settings, whole=whole or display, reference_m=reference_m)
     every = tuple(dict.fromkeys((*policies, _FULL)))
 
     def look(frame: Frame) -> dict[Policy, _Counted]:
@@ -163,7 +163,7 @@ def count_terrain_traffic(
 
 
 def _counted(
-    sight: TerrainSight, quilts: Sequence[Quilt], frame: Frame, policy: Policy, page_bytes: float, drape_bytes: float
+    sight: TerrainSelector, quilts: Sequence[Quilt], frame: Frame, policy: Policy, page_bytes: float, drape_bytes: float
 ) -> _Counted:
     demands = sight.demands(frame.viewers, policy, frame.pointers)
     chosen = [sight.choose(quilt, frame.viewers, demands) for quilt in quilts]

@@ -29,7 +29,7 @@ from limen.layers.common.simulator import LitDisplay
 from limen.layers.common.stereo import Anaglyph
 from limen.layers.mesh.draw.drawer import SceneLayer, SceneOverlay
 from limen.layers.mesh.draw.folded import fold_colours, mesh_of_nodes
-from limen.layers.mesh.select import Extent, Foldable, FoldSight, MeshCut, select_mesh
+from limen.layers.mesh.select import Extent, Foldable, FoldRequest, MeshCut, select_mesh
 from limen.viewing.camera import Camera
 from limen.viewing.choices import STEREOS, Depth, Stereo
 from limen.viewing.policy import Policy
@@ -97,7 +97,7 @@ class Simplified:
     policy
         How viewers decide about detail.
     extent
-        See `limen.layers.mesh.select.FoldSight`.
+        See `limen.layers.mesh.select.FoldRequest`.
     """
 
     foldable: Foldable
@@ -360,7 +360,7 @@ class SceneRenderer:
         stands = np.asarray(self.room_from_mesh, dtype=float).tobytes()
         asked = (quilt, everybody, policy, self.simplified, stands, moves)
         if self._last is None or self._last[0] != asked:  # nothing has moved: the cut is that of the frame before
-            sight = FoldSight(
+            sight = FoldRequest(
                 tuple(views), self.room_from_mesh, tolerance_of(viewers, policy.eyesight, self.motion), policy,
                 acuity_scale(policy, self._whites), self.simplified.extent,
             )  # fmt: skip

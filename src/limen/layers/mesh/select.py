@@ -42,7 +42,7 @@ from limen.viewing.projection import PanelViews
 from limen.viewing.tolerance import Tolerance
 from limen.vision.contrast_codes import CONTRAST_OF_CODE
 
-__all__ = ["Extent", "FoldSight", "Foldable", "MeshCut", "select_mesh"]
+__all__ = ["Extent", "FoldRequest", "Foldable", "MeshCut", "select_mesh"]
 
 Extent: TypeAlias = Literal["support", "displacement"]
 """What a silhouette's change is as wide as: the region of support, or twice what the surface moves."""
@@ -83,8 +83,8 @@ class Foldable:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoldSight:
-    """How a mesh is seen; see `limen.layers.points.select.Sight`.
+class FoldRequest:
+    """How a mesh is seen; see `limen.layers.points.select.PointsRequest`.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class MeshCut:
         return len(self.triangles)
 
 
-def select_mesh(mesh: Foldable, sight: FoldSight, *, threads: int | None = None) -> MeshCut:
+def select_mesh(mesh: Foldable, sight: FoldRequest, *, threads: int | None = None) -> MeshCut:
     """The cut of a mesh for all views of one eye each (two for stereo); the same whatever the number of threads."""
     tree, policy = mesh.tree, sight.policy
     state = np.empty(len(tree.position) + 1, np.int32)
@@ -164,7 +164,12 @@ def select_mesh(mesh: Foldable, sight: FoldSight, *, threads: int | None = None)
 
 
 def _folded(
-    mesh: Foldable, sight: FoldSight, limit: float, state: NDArray[np.int32], faces: NDArray[np.int8], histogram: Index
+    mesh: Foldable,
+    sight: FoldRequest,
+    limit: float,
+    state: NDArray[np.int32],
+    faces: NDArray[np.int8],
+    histogram: Index,
 ) -> tuple[int, int, float, float]:
     tree = mesh.tree
     eye_m = np.mean([view.eye_m for view in sight.views], axis=0)

@@ -27,7 +27,7 @@ from limen.layers.common.frame_time import FrameTimeBudget
 from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.common.simulator import LitDisplay
 from limen.layers.points.draw.drawer import PointsLayer, PointsOverlay, Shape, SplatMethod
-from limen.layers.points.select import PointCut, PointTree, Sight, select_points
+from limen.layers.points.select import PointCut, PointsRequest, PointTree, select_points
 from limen.layers.points.stream import CHUNK_BYTES, PointStream
 from limen.stream.chunks import Update, completed
 from limen.viewing.camera import Camera
@@ -92,7 +92,7 @@ class PointsReport:
 class _Chosen(NamedTuple):
     quilt: Quilt
     windows: Windows
-    sight: Sight
+    sight: PointsRequest
     cut: PointCut
     select_s: float
     generation: int  # of what was resident
@@ -271,7 +271,7 @@ class PointsRenderer:
         windows = self._windows.get(quilt)
         if windows is None:
             windows = self._windows[quilt] = Windows(self.display, quilt, guard_px=guard_of(self.display, quilt))
-        sight = Sight(
+        sight = PointsRequest(
             windows.seen_from(viewers[0].position_m), self._room_from_cloud,
             tolerance_of(viewers, policy.eyesight, self.motion), self._throttle.within(policy),
             acuity_scale(policy, self._whites), self.lit,

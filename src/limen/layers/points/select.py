@@ -39,7 +39,7 @@ from limen.viewing.tolerance import Tolerance
 if TYPE_CHECKING:
     from limen.data.points.file import Points  # Zarr takes half a second
 
-__all__ = ["TOP_ITEM", "PointCut", "PointTree", "ResidentNodes", "Sight", "select_points"]
+__all__ = ["TOP_ITEM", "PointCut", "PointTree", "PointsRequest", "ResidentNodes", "select_points"]
 
 TOP_ITEM = 1 << 31
 """Set in the number of an item that is a top (its row among all tops); without it, it is ``slot * 4681 + node``."""
@@ -90,7 +90,7 @@ class ResidentNodes(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class PointsRequest:
     """How a cloud is seen.
 
     Parameters
@@ -171,7 +171,7 @@ class PointCut:
 def select_points(
     tree: PointTree,
     resident: ResidentNodes,
-    sight: Sight,
+    sight: PointsRequest,
     *,
     active: Sequence[int] | None = None,
     threads: int | None = None,
@@ -187,7 +187,7 @@ def select_points(
     """
     panels = np.flatnonzero(sight.views.facing) if active is None else np.asarray(active, np.int64)
     rows = panel_rows(sight.views)
-    told = _Told(tree, resident, sight)
+    told = _KernelInputs(tree, resident, sight)
     workers = worker_count() if threads is None else threads
     with ThreadPoolExecutor(max(workers, 1)) as pool:
         limit = 1.0
@@ -205,10 +205,10 @@ def select_points(
     return PointCut(pairs, wanted[np.argsort(-wanted_k[wanted], kind="stable")], limit, reached, largest_px, judged)
 
 
-class _Told:
+class _KernelInputs:
     """What the loops are told on every panel alike."""
 
-    def __init__(self, tree: PointTree, resident: ResidentNodes, sight: Sight) -> None:
+    def __init__(self, tree: PointTree, resident: ResidentNodes, sight: PointsRequest) -> None:
         self.tree, self.resident = tree, resident
         eyes = eye_rows(sight.tolerance, sight.views.eye_m)
         light = np.array([*TOWARD_LIGHT, AMBIENT, float(sight.lit)])
@@ -272,7 +272,7 @@ class _Told:
         return histogram + sum(pool.map(counted, _spans(len(opened))), np.zeros(BINS, np.int64))
 
 
-def _limit_of_budget(told: _Told, pool: ThreadPoolExecutor, panels: Floats, most: int) -> float:
+def _limit_of_budget(told: _KernelInputs, pool: ThreadPoolExecutor, panels: Floats, most: int) -> float:
     """The smallest ``k`` (a bin's edge) up to which nodes can be drawn with no more than ``most`` splats in all."""
     histogram = sum((told.count(pool, panel) for panel in panels), np.zeros(BINS, np.int64))
     return budget_limit(histogram, len(panels), most)

@@ -26,7 +26,7 @@ from limen.layers.common.simulator import LitDisplay
 from limen.layers.terrain.draw.drawer import Rims, TerrainOverlay
 from limen.layers.terrain.look import TerrainLook, panel_tints
 from limen.layers.terrain.resources import GPU_BYTES, Draped, TerrainStock, Wishes
-from limen.layers.terrain.selector import Choice, Scenery, TerrainSettings, TerrainSight, merged
+from limen.layers.terrain.selector import Choice, Scenery, TerrainSelector, TerrainSettings, merged
 from limen.viewing.camera import Camera
 from limen.viewing.panel_demands import PanelDemands
 from limen.viewing.placement import LookAt
@@ -157,7 +157,7 @@ class TerrainRenderer:
         if draped and self._contrast:
             detail = partial(self._contrast.detail, display)
             scenery = scenery.draped(draped.image.pyramid, draped.texel_from_post, detail)
-        self._sight = TerrainSight(
+        self._sight = TerrainSelector(
             scenery, display, self.quilts, settings or TerrainSettings(), whole=whole or display,
             reference_m=reference_m,
         )  # fmt: skip

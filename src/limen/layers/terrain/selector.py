@@ -27,7 +27,7 @@ from limen.viewing.policy import Policy
 from limen.viewing.projection import PanelViews, Windows, guard_of
 from limen.viewing.viewer import Pointer, Viewer
 
-__all__ = ["Choice", "Scenery", "TerrainSettings", "TerrainSight", "merged"]
+__all__ = ["Choice", "Scenery", "TerrainSelector", "TerrainSettings", "merged"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ class Choice(NamedTuple):
     select_s: float
 
 
-class TerrainSight:
+class TerrainSelector:
     """A terrain as the panels of a display show it.
 
     Parameters
