@@ -259,10 +259,10 @@ def test_what_a_window_is_asked_for_reaches_the_renderer(device: Any, mesh: Mesh
     """The overlay by its name, the depth that panels share, and where somebody before a window looks."""
     from limen.data.mesh.tree_build import build_vertex_tree
     from limen.layers.mesh.renderer import Simplified
-    from limen.layers.mesh.select import Foldable
+    from limen.layers.mesh.select import FoldTree
     from limen.viewing.policy import Policy
 
-    simplified = Simplified(Foldable(build_vertex_tree(mesh)), Policy("contrast", 6.0, gaze=True))
+    simplified = Simplified(FoldTree(build_vertex_tree(mesh)), Policy("contrast", 6.0, gaze=True))
     with (
         Screen(device, mesh, simplified=simplified, overlay="panels") as panels,
         Screen(device, mesh, simplified=simplified, overlay="simplified") as folded,

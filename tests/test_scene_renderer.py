@@ -16,7 +16,7 @@ from limen.display.display import Display
 from limen.errors import DeviceLimitError, InputError
 from limen.layers.mesh import renderer as scene
 from limen.layers.mesh.renderer import SceneRenderer
-from limen.layers.mesh.select import Foldable, select_mesh
+from limen.layers.mesh.select import FoldTree, select_mesh
 from limen.viewing.camera import Camera
 from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
@@ -154,7 +154,7 @@ def test_a_cut_is_chosen_anew_only_when_something_moves(device: Any, monkeypatch
         return select_mesh(*args, **kwargs)
 
     monkeypatch.setattr(scene, "select_mesh", counted)
-    simplified = scene.Simplified(Foldable(build_vertex_tree(knot)), Policy.parse("contrast+gaze"))
+    simplified = scene.Simplified(FoldTree(build_vertex_tree(knot)), Policy.parse("contrast+gaze"))
     with SceneRenderer(device, Display.window((160, 120)), knot, simplified=simplified) as renderer:
         viewer = Viewer((0.0, 0.0, 3.0), gaze=(0.0, 0.0, -1.0))
         first = [picture.copy() for _, picture, _ in renderer.pictures(viewer)]

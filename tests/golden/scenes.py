@@ -36,7 +36,7 @@ from limen.display.quilt import Quilt
 from limen.layers.common.room_placement import mesh_in_room
 from limen.layers.image.renderer import Renderer
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
-from limen.layers.mesh.select import Foldable
+from limen.layers.mesh.select import FoldTree
 from limen.layers.points.renderer import PointsRenderer
 from limen.layers.terrain.look import TerrainLook
 from limen.layers.terrain.renderer import TerrainRenderer
@@ -102,8 +102,8 @@ def _knot() -> limen.Mesh:
 
 
 @cache
-def _tree() -> Foldable:
-    return Foldable(build_vertex_tree(_knot()))
+def _tree() -> FoldTree:
+    return FoldTree(build_vertex_tree(_knot()))
 
 
 @cache

@@ -21,7 +21,7 @@ from limen.layers.mesh.bend_kernels import MOMENTS, ripples, star_moments
 from limen.layers.mesh.facing import SPREAD_SINES, facing_masks
 from limen.layers.mesh.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_of
 from limen.layers.mesh.holes import visible_holes
-from limen.layers.mesh.select import Foldable, FoldRequest, select_mesh
+from limen.layers.mesh.select import FoldRequest, FoldTree, select_mesh
 from limen.viewing.policy import Policy
 from limen.viewing.projection import Windows
 from limen.viewing.tolerance import tolerance_of
@@ -53,7 +53,7 @@ def ball(rings: int = 40, *, bumps: float = 0.02) -> Mesh:
     )  # fmt: skip
 
 
-BALL = Foldable(build_vertex_tree(ball()))
+BALL = FoldTree(build_vertex_tree(ball()))
 VIEWS = Windows(Display.window((640, 480)), Quilt((640, 480), (0,), ((0, 0),))).seen_from(np.zeros(3))
 SHARES = acuity_scale_of_contrast(100.0)
 
@@ -123,7 +123,7 @@ def test_threads_do_not_change_the_cut():
 
 
 def test_silhouettes_keep_more_than_what_is_inside():
-    smooth = Foldable(build_vertex_tree(ball(bumps=0.0)))
+    smooth = FoldTree(build_vertex_tree(ball(bumps=0.0)))
     cut = select_mesh(smooth, sight("budget:2000", 15.0))
     folded = cut.state[smooth.tree.vertices : -1] == np.arange(smooth.tree.vertices, len(smooth.tree.position))
     moved = [smooth.tree.displacement[folded & (cut.faces == kind)].max() for kind in (HIDDEN, INTERIOR, SILHOUETTE)]
@@ -222,7 +222,7 @@ def test_ripples_are_what_is_left_of_normals_beside_the_bend_of_their_region(see
 
 def test_what_bends_steadily_does_not_ripple_and_what_ripples_does():
     def middle_ripple(bumps):
-        foldable = Foldable(build_vertex_tree(ball(60, bumps=bumps)))
+        foldable = FoldTree(build_vertex_tree(ball(60, bumps=bumps)))
         return float(np.median(foldable.ripple[: len(foldable.ripple) // 2]))
 
     assert 100 * middle_ripple(0.0) < 0.005 < middle_ripple(0.05)
@@ -234,7 +234,7 @@ def test_a_closed_surface_hides_its_back_and_one_with_a_hole_from_one_side_only(
         None, closed.positions, closed.triangles[closed.positions[closed.triangles, 1].min(axis=1) > -0.8],
         closed.normals, closed.colours, closed.uv, closed.layers, closed.textures,
     )  # fmt: skip
-    whole, holed = BALL.covers, Foldable(build_vertex_tree(open_below)).covers
+    whole, holed = BALL.covers, FoldTree(build_vertex_tree(open_below)).covers
     above, below = np.array([0.0, 5, 0]), np.array([0.0, -5, 0])
     assert not len(visible_holes(whole, above))
     assert not len(visible_holes(whole, below))
@@ -249,7 +249,7 @@ def test_a_closed_surface_hides_its_back_and_one_with_a_hole_from_one_side_only(
 def test_what_is_seen_through_a_hole_folds_as_late_as_the_front():
     closed = ball()
     heights = closed.positions[closed.triangles, 1]
-    holed = Foldable(build_vertex_tree(replace(closed, triangles=closed.triangles[heights.min(axis=1) > -0.5])))
+    holed = FoldTree(build_vertex_tree(replace(closed, triangles=closed.triangles[heights.min(axis=1) > -0.5])))
     below = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, -6.0], [0, 0, 0, 1]])  # its lower side to the eye
     chosen = Policy.parse("contrast", 3.0)
     tolerance = tolerance_of([Viewer((0, 0, 0), eye_separation_m=0.0)], chosen)
@@ -264,7 +264,7 @@ def test_what_is_seen_through_a_hole_folds_as_late_as_the_front():
 
 def test_a_mesh_of_several_parts_folds():
     knot = torus_knot(2000)
-    foldable = Foldable(build_vertex_tree(knot))
+    foldable = FoldTree(build_vertex_tree(knot))
     assert len(select_mesh(foldable, sight("budget:500", 4.0))) <= 500
 
 

@@ -12,7 +12,7 @@ from PIL import Image as Picture
 from limen.data.mesh.file import open_mesh
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.samples.mesh import sample_mesh, torus_knot
-from limen.layers.mesh.select import Foldable
+from limen.layers.mesh.select import FoldTree
 from limen.study import bench_mesh as bench
 from limen.study import mesh_peers
 from limen.study.mesh_plot import mesh_picture
@@ -21,7 +21,7 @@ from limen.study.observer import missing_packages
 
 def test_what_is_folded_uniformly_is_no_more_than_asked_and_as_near_as_its_displacements_say() -> None:
     knot = torus_knot(4000)
-    foldable = Foldable(build_vertex_tree(knot))
+    foldable = FoldTree(build_vertex_tree(knot))
     far = []
     for most in (4000, 2500, 900):
         left = bench.folded_uniformly(knot, foldable, most)

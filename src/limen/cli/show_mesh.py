@@ -20,7 +20,7 @@ from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import SceneRenderer, SceneReport, Simplified
-from limen.layers.mesh.select import Foldable
+from limen.layers.mesh.select import FoldTree
 from limen.pictures.files import write_picture
 from limen.show.live_scene import eye_camera
 from limen.show.stage import SceneSettings, check_still, posed
@@ -165,7 +165,7 @@ def simplified_mesh(out: Output, mesh: Mesh, policy: Policy) -> Simplified | Non
     from limen.data.mesh.store import tree_of  # Numba and SciPy take a second
 
     with out.progress("joining vertices to a tree", 1) as step:
-        foldable = Foldable(tree_of(mesh))
+        foldable = FoldTree(tree_of(mesh))
         step(1)
     return Simplified(foldable, policy)
 

@@ -22,7 +22,7 @@ from limen.layers.image.draw.drawer import Overlay
 from limen.layers.image.renderer import Renderer
 from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
-from limen.layers.mesh.select import Foldable
+from limen.layers.mesh.select import FoldTree
 from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.renderer import TerrainRenderer
 from limen.layers.terrain.selector import TerrainSettings
@@ -176,7 +176,7 @@ def _mesh_pictures(device: Device, mesh: Mesh, asked: _Asked) -> dict[str, NDArr
     if asked.policy.name != "full":
         from limen.data.mesh.store import tree_of  # Numba and SciPy take a second
 
-        simplified = Simplified(Foldable(tree_of(mesh)), asked.policy)
+        simplified = Simplified(FoldTree(tree_of(mesh)), asked.policy)
     with SceneRenderer(
         device, asked.wanted, mesh, room_from_mesh=stands, stereo=asked.stereo, simplified=simplified
     ) as scene:

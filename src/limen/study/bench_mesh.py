@@ -35,7 +35,7 @@ from limen.gpu.device import Device, open_device
 from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.mesh.draw.folded import mesh_of_nodes
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
-from limen.layers.mesh.select import Foldable, FoldRequest, select_mesh
+from limen.layers.mesh.select import FoldRequest, FoldTree, select_mesh
 from limen.study.bench_points import PeerRow
 from limen.study.mesh_peers import PEERS, missing_package
 from limen.study.observer import WINDOW_PX, Observer, light_of, missing_packages
@@ -81,14 +81,14 @@ def bench_mesh(quick: bool, say: Say, content: Path | None = None) -> MeshBench:
     """Rows of ``limen bench mesh``; ``content`` is a mesh instead of the sample."""
     mesh = _opened(content) if content else torus_knot(_QUICK_TRIANGLES if quick else _SAMPLE_TRIANGLES)
     most = _PAPERS.get(mesh.size, int(_SHARE * mesh.size))
-    Foldable(build_vertex_tree(torus_knot(_WARM_TRIANGLES)))  # compiles the kernels, which is not to be timed
+    FoldTree(build_vertex_tree(torus_knot(_WARM_TRIANGLES)))  # compiles the kernels, which is not to be timed
     name = content.name if content else "torus knot"
     say(f"{name}: a tree of {mesh.size:,} triangles, and peers that leave {most:,} of them")
     begin = time.process_time()
     tree = build_vertex_tree(mesh)
     built_s = time.process_time() - begin
     begin = time.process_time()
-    foldable = Foldable(tree)
+    foldable = FoldTree(tree)
     known_s = time.process_time() - begin
     rows = [
         _row(f"{name}: tree built", "limen", mesh.size / built_s / 1e6, "million triangles/s"),
@@ -129,7 +129,7 @@ def _row(what: str, peer: str, value: float, unit: str) -> PeerRow:
     return PeerRow(what=what, peer=peer, value=value, unit=unit)
 
 
-def folded_uniformly(mesh: Mesh, foldable: Foldable, most: int) -> Mesh:
+def folded_uniformly(mesh: Mesh, foldable: FoldTree, most: int) -> Mesh:
     """The mesh with what moves its surface least folded, until no more than ``most`` triangles are left."""
     tree = foldable.tree
     order = np.argsort(tree.displacement, kind="stable")
@@ -175,7 +175,7 @@ class _Scene:
         return standing(self.bounds, self.display.panels[0], self.viewer, pose)
 
 
-def _cuts(name: str, mesh: Mesh, foldable: Foldable, most: int, frames: int) -> Iterator[PeerRow]:
+def _cuts(name: str, mesh: Mesh, foldable: FoldTree, most: int, frames: int) -> Iterator[PeerRow]:
     """What choosing costs a frame, processor time; all of the mesh is in sight."""
     scene = _Scene.of(mesh, frames)
     views = Windows(scene.display, pack(scene.display)[0]).seen_from(scene.viewer.eyes_m[0])
@@ -195,7 +195,7 @@ def _cuts(name: str, mesh: Mesh, foldable: Foldable, most: int, frames: int) -> 
 
 
 def _judged(
-    device: Device, name: str, mesh: Mesh, foldable: Foldable, made: dict[str, Mesh], most: int, views: int
+    device: Device, name: str, mesh: Mesh, foldable: FoldTree, made: dict[str, Mesh], most: int, views: int
 ) -> tuple[list[PeerRow], Seen]:
     """The observer's verdict on the same windows of every way's pictures, and outlines that differ."""
     scene, observer = _Scene.of(mesh, views), Observer()

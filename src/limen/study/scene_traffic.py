@@ -15,7 +15,7 @@ from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.geometry import Floats
 from limen.layers.common.contrast_scale import acuity_scale
-from limen.layers.mesh.select import Foldable, FoldRequest, select_mesh
+from limen.layers.mesh.select import FoldRequest, FoldTree, select_mesh
 from limen.layers.points.select import PointsRequest, PointTree, select_points
 from limen.layers.points.stream import PointStream
 from limen.stream.chunks import completed
@@ -149,7 +149,7 @@ def count_scene_traffic(
 
 class _Triangles:
     def __init__(self, mesh: Mesh, room_from_mesh: Floats) -> None:
-        self._foldable, self._stands = Foldable(tree_of(mesh)), room_from_mesh
+        self._foldable, self._stands = FoldTree(tree_of(mesh)), room_from_mesh
 
     def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
         if not views.facing.any():

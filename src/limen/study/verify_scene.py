@@ -29,7 +29,7 @@ from limen.errors import InputError
 from limen.geometry import Floats, as_vec3
 from limen.gpu.device import Device
 from limen.layers.mesh.renderer import SceneRenderer, Simplified
-from limen.layers.mesh.select import Extent, Foldable
+from limen.layers.mesh.select import Extent, FoldTree
 from limen.layers.points.renderer import PointsRenderer
 from limen.study.observer import WINDOW_PX, Observer, Verdict, light_of, sampled
 from limen.study.verify import ALIKE, Judged, Trial
@@ -315,7 +315,7 @@ def _inside(column: int, row: int, shape: tuple[int, ...]) -> tuple[int, int]:
 class _Mesh:
     def __init__(self, device: Device, mesh: Mesh, display: Display, extent: Extent) -> None:
         self.bounds = mesh.bounds
-        self._simplified = Simplified(Foldable(tree_of(mesh)), _FULL, extent)
+        self._simplified = Simplified(FoldTree(tree_of(mesh)), _FULL, extent)
         self._renderer = SceneRenderer(device, display, mesh, simplified=self._simplified)
 
     def picture(self, stands: Floats, viewer: Viewer, policy: Policy, moves: Floats) -> Picture:

@@ -29,7 +29,7 @@ from limen.layers.common.simulator import LitDisplay
 from limen.layers.common.stereo import Anaglyph
 from limen.layers.mesh.draw.drawer import SceneLayer, SceneOverlay
 from limen.layers.mesh.draw.folded import fold_colours, mesh_of_nodes
-from limen.layers.mesh.select import Extent, Foldable, FoldRequest, MeshCut, select_mesh
+from limen.layers.mesh.select import Extent, FoldRequest, FoldTree, MeshCut, select_mesh
 from limen.viewing.camera import Camera
 from limen.viewing.choices import STEREOS, Depth, Stereo
 from limen.viewing.policy import Policy
@@ -100,7 +100,7 @@ class Simplified:
         See `limen.layers.mesh.select.FoldRequest`.
     """
 
-    foldable: Foldable
+    foldable: FoldTree
     policy: Policy
     extent: Extent = "displacement"
 

@@ -42,7 +42,7 @@ from limen.viewing.projection import PanelViews
 from limen.viewing.tolerance import Tolerance
 from limen.vision.contrast_codes import CONTRAST_OF_CODE
 
-__all__ = ["Extent", "FoldRequest", "Foldable", "MeshCut", "select_mesh"]
+__all__ = ["Extent", "FoldRequest", "FoldTree", "MeshCut", "select_mesh"]
 
 Extent: TypeAlias = Literal["support", "displacement"]
 """What a silhouette's change is as wide as: the region of support, or twice what the surface moves."""
@@ -54,7 +54,7 @@ _SLICE = 1 << 16  # triangles that a thread takes at a time
 Index = NDArray[np.int64]
 
 
-class Foldable:
+class FoldTree:
     """A vertex tree, and what has to be known of it once.
 
     Parameters
@@ -144,7 +144,7 @@ class MeshCut:
         return len(self.triangles)
 
 
-def select_mesh(mesh: Foldable, sight: FoldRequest, *, threads: int | None = None) -> MeshCut:
+def select_mesh(mesh: FoldTree, sight: FoldRequest, *, threads: int | None = None) -> MeshCut:
     """The cut of a mesh for all views of one eye each (two for stereo); the same whatever the number of threads."""
     tree, policy = mesh.tree, sight.policy
     state = np.empty(len(tree.position) + 1, np.int32)
@@ -164,7 +164,7 @@ def select_mesh(mesh: Foldable, sight: FoldRequest, *, threads: int | None = Non
 
 
 def _folded(
-    mesh: Foldable,
+    mesh: FoldTree,
     sight: FoldRequest,
     limit: float,
     state: NDArray[np.int32],
@@ -193,7 +193,7 @@ def _folded(
     return int(left), int(asked), float(largest), float(widest)
 
 
-def _emitted(mesh: Foldable, state: NDArray[np.int32], threads: int | None) -> NDArray[np.uint32]:
+def _emitted(mesh: FoldTree, state: NDArray[np.int32], threads: int | None) -> NDArray[np.uint32]:
     """The triangles that are left, in their order: counted in slices, so that every slice knows where to write."""
     triangles = mesh.tree.triangles
     spans = [(begin, min(begin + _SLICE, len(triangles))) for begin in range(0, len(triangles), _SLICE)]

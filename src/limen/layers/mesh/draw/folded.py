@@ -9,7 +9,7 @@ from limen.data.mesh.mesh import NO_TEXTURE, Mesh
 from limen.data.mesh.node_kernels import add_up
 from limen.data.mesh.vertex_tree import VertexTree
 from limen.layers.mesh.fold_kernels import SILHOUETTE
-from limen.layers.mesh.select import Foldable, MeshCut
+from limen.layers.mesh.select import FoldTree, MeshCut
 
 __all__ = ["fold_colours", "mesh_of_nodes"]
 
@@ -40,7 +40,7 @@ def mesh_of_nodes(mesh: Mesh, tree: VertexTree) -> Mesh:
     )  # fmt: skip
 
 
-def fold_colours(foldable: Foldable, cut: MeshCut) -> NDArray[np.uint8]:
+def fold_colours(foldable: FoldTree, cut: MeshCut) -> NDArray[np.uint8]:
     """Colours of all nodes, (N, 4) sRGB: folded ones from blue to green with what they stand for, on silhouettes from
     red to yellow; vertices that stand for themselves as they are.
     """
