@@ -14,7 +14,7 @@ from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import pack
-from limen.layers.terrain.borders import RimPool
+from limen.layers.terrain.borders import BorderPool
 from limen.layers.terrain.look import SEA, TerrainLook, hypsometric_ramp, panel_tints, toward_sun
 from limen.layers.terrain.look_at import room_from_posts
 from limen.layers.terrain.patches import PatchPlaces, patch_stream
@@ -82,7 +82,7 @@ class Stage:
         from limen.gpu.pool import PagePool
         from limen.layers.terrain.draw.drawer import Drape, TerrainLayer
 
-        self.land, self.rims = land, RimPool()
+        self.land, self.rims = land, BorderPool()
         bytes_ = 45 * 512 * 512
         self.pools = [PagePool(device, bytes_, format="rgba8unorm") for _ in range(2)]
         sources: list[Any] = [land.relief, land.heights]
@@ -367,7 +367,7 @@ def test_the_fans_are_those_of_the_plain_way() -> None:
         chosen = mixture(land, rng)
         contents = [land.read_patch(int(patch)) for patch in chosen]
         first = np.cumsum([0, *(len(content.posts) for content in contents)])[:-1]
-        pool = RimPool()
+        pool = BorderPool()
         for patch, content, begin in zip(chosen.tolist(), contents, first.tolist(), strict=True):
             pool.add(patch, content, begin)
         posts = np.concatenate([content.posts for content in contents])

@@ -14,7 +14,7 @@ from made_up_patches import Rect, made_up_patch, twice_area, uneven_tiling
 
 from limen.data.terrain.model import Patch
 from limen.errors import InputError
-from limen.layers.terrain.borders import RimPool
+from limen.layers.terrain.borders import BorderPool
 
 SEEDS = st.integers(0, 100_000)
 
@@ -38,7 +38,7 @@ class World:
         ]
         self.first_vertex: dict[int, int] = {}
         self.post_of = np.zeros((0, 2), np.int32)
-        self.pool = RimPool()
+        self.pool = BorderPool()
         for number in random.permutation(len(self.patches)):
             self.add(int(number))
 
@@ -143,7 +143,7 @@ def test_patches_may_come_and_go(seed: int) -> None:
 def test_own_vertices_alone_where_nobody_is_on_the_other_side() -> None:
     random = np.random.default_rng(1)
     patch = made_up_patch(random, (0, 0, 8, 8), 0.3, 3)
-    pool = RimPool()
+    pool = BorderPool()
     pool.add(5, patch, 1000)
     fans = pool.fans(np.array([1]), np.array([5]), 3)
     np.testing.assert_array_equal(fans.panel_first, [0, 0, len(patch.rims), len(patch.rims)])
@@ -154,7 +154,7 @@ def test_a_patch_of_every_post_has_no_rims_and_still_cuts_its_neighbours() -> No
     random = np.random.default_rng(2)
     fine, coarse = made_up_patch(random, (0, 0, 8, 8), 1.0, 3), made_up_patch(random, (8, 0, 16, 8), 0.0, 3)
     assert len(fine.rims) == 0
-    pool = RimPool()
+    pool = BorderPool()
     pool.add(0, fine, 0)
     pool.add(1, coarse, len(fine.posts))
     fans = pool.fans(np.zeros(2, np.int64), np.arange(2), 1)
@@ -165,14 +165,14 @@ def test_a_patch_of_every_post_has_no_rims_and_still_cuts_its_neighbours() -> No
 
 
 def test_no_pairs_make_no_triangles() -> None:
-    fans = RimPool().fans(np.empty(0, np.int64), np.empty(0, np.int64), 2)
+    fans = BorderPool().fans(np.empty(0, np.int64), np.empty(0, np.int64), 2)
     assert len(fans.triangles) == 0
     np.testing.assert_array_equal(fans.panel_first, [0, 0, 0])
 
 
 def test_who_is_not_there_and_who_comes_twice_is_named() -> None:
     patch = made_up_patch(np.random.default_rng(0), (0, 0, 4, 4), 0.0, 0)
-    pool = RimPool()
+    pool = BorderPool()
     with pytest.raises(KeyError, match="3"):
         pool.fans(np.array([0]), np.array([3]), 1)
     with pytest.raises(KeyError, match="3"):

@@ -69,7 +69,7 @@ def fan_rims(pair_first, slot_of, slots, rims, border, out, panel_first):
     slot_of
         Row of ``slots`` of every pair's patch, shape (M,).
     rims, border
-        The pool; see `limen.layers.terrain.borders.RimPool`.
+        The pool; see `limen.layers.terrain.borders.BorderPool`.
     out
         Takes the triangles, uint32 (T, 3), long enough for every rim and border vertex of all pairs.
     panel_first

@@ -17,7 +17,7 @@ from limen.errors import InputError
 from limen.layers.terrain import border_kernels as kernels
 from limen.stream.ranges import RangeAllocator
 
-__all__ = ["Fans", "RimPool"]
+__all__ = ["BorderPool", "Fans"]
 
 
 class Fans(NamedTuple):
@@ -27,7 +27,7 @@ class Fans(NamedTuple):
     panel_first: NDArray[np.int64]  # (N + 1,)
 
 
-class RimPool:
+class BorderPool:
     """What is known of the borders of all resident patches, ready to be met with any of the others.
 
     Rims lie side by side, six numbers each: apex, the end that comes first along the border, the other end, how far

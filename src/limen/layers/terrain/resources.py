@@ -13,7 +13,7 @@ from limen.errors import FormatError
 from limen.geometry import Floats
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
-from limen.layers.terrain.borders import RimPool
+from limen.layers.terrain.borders import BorderPool
 from limen.layers.terrain.draw.drawer import Drape, PageTables, TerrainLayer
 from limen.layers.terrain.patches import PatchPlaces, patch_stream
 from limen.stream.chunks import ChunkStream, Update, completed
@@ -94,7 +94,7 @@ class TerrainStock:
             device, terrain, relief=self._pools[0], heights=self._pools[1], drape=drape, vertex_capacity=vertices,
             index_capacity=indices, background=background,
         )  # fmt: skip
-        self.rims = RimPool()
+        self.rims = BorderPool()
         self._generations: tuple[int, ...] = ()
         self._changed_s = self._tables_s = -np.inf
         self._tables: PageTables | None = None
