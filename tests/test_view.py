@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt, pack
-from limen.viewing.projection import GUARD_PX, Windows, quilt_from_room
+from limen.viewing.projection import GUARD_PX, QuiltPanels, quilt_from_room
 
 CUBE = Display.preset("cube")
 CAVE = Display.preset("cave")
@@ -122,7 +122,7 @@ def test_the_direct_matrix_the_off_axis_frustum_and_the_homography_agree(
 def test_depth_falls_along_every_ray(step: float, start: float, place: tuple[float, float]) -> None:
     quilt = pack(CUBE)[0]
     eye_m = np.array([0.7, 1.7, 0.9])
-    views = Windows(CUBE, quilt).seen_from(eye_m)
+    views = QuiltPanels(CUBE, quilt).seen_from(eye_m)
     for row, index in enumerate(quilt.panels):
         if views.facing[row]:
             way = CUBE.panels[index].position_m(np.array(place)) - eye_m
@@ -135,7 +135,7 @@ def test_only_panels_whose_front_is_seen_face_the_eye() -> None:
     names = [CUBE.panels[index].grid_name for index in quilt.panels]
 
     def seen(eye_m: tuple[float, float, float]) -> set[str]:
-        facing = Windows(CUBE, quilt).seen_from(eye_m).facing
+        facing = QuiltPanels(CUBE, quilt).seen_from(eye_m).facing
         return {name for name, faces in zip(names, facing, strict=True) if faces}
 
     assert seen((0.0, 1.2, 2.0)) == {"front"}
@@ -148,7 +148,7 @@ def test_only_panels_whose_front_is_seen_face_the_eye() -> None:
 def test_the_corners_are_those_of_outline_and_guard(display: Display) -> None:
     quilt = pack(display, max_size_px=4096)[0]
     eye_m = np.array([0.35, 1.9, 0.4])
-    views = Windows(display, quilt).seen_from(eye_m)
+    views = QuiltPanels(display, quilt).seen_from(eye_m)
     for row, index in enumerate(quilt.panels):
         if not views.facing[row]:
             continue
@@ -170,7 +170,7 @@ def test_the_corners_are_those_of_outline_and_guard(display: Display) -> None:
 
 def test_two_eyes_are_drawn_side_by_side() -> None:
     display, quilt = tilted()
-    windows = Windows(display, quilt, copies=2)
+    windows = QuiltPanels(display, quilt, copies=2)
     eye_m = display.panels[0].centre_m + np.array(display.panels[0].normal)
     way = display.panels[0].position_m(np.array([12.5, 30.5])) - eye_m
     places = []

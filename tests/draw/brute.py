@@ -16,7 +16,7 @@ def pairs(views: Any, ways: Floats, triangles: NDArray[Any], inset_px: float) ->
     Parameters
     ----------
     views
-        `limen.viewing.projection.PanelViews` of one eye.
+        `limen.viewing.projection.PanelProjections` of one eye.
     ways
         From the eye to every vertex, shape (V, 3).
     inset_px

@@ -12,7 +12,7 @@ from test_sort import DISPLAYS
 from limen.data import NO_TEXTURE, Mesh
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
-from limen.viewing.projection import NEAR_M, Windows
+from limen.viewing.projection import NEAR_M, QuiltPanels
 
 pytestmark = pytest.mark.gpu
 
@@ -40,7 +40,7 @@ def drawn(device: Any, display: Display, mesh: Mesh, depth: Any, eye: Any = EYE)
     from limen.layers.mesh.draw.drawer import SceneLayer
 
     (quilt,) = pack_outlines(display)
-    windows = Windows(display, quilt)
+    windows = QuiltPanels(display, quilt)
     layer = SceneLayer(device, mesh)
     layer.sort(windows, np.asarray(eye)[None], np.eye(4))
     picture = layer.read(layer.draw(windows, depth=depth))
@@ -98,7 +98,7 @@ def test_shared_depth_goes_on_across_every_border(device: Any) -> None:
     assert steps["panel"] > 0.1, "the depth along each panel's normal is another one"
 
 
-def _rim_errors(depths: Any, windows: Windows, views: Any, panel: int, wall: Any, forward: Any) -> NDArray[Any]:
+def _rim_errors(depths: Any, windows: QuiltPanels, views: Any, panel: int, wall: Any, forward: Any) -> NDArray[Any]:
     """Relative errors of the depth at pixels within 2 px of a panel's outline, on either side of it."""
     height, width = depths.shape
     y, x = np.indices(depths.shape) + 0.5

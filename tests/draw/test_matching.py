@@ -30,7 +30,7 @@ from limen.viewing.camera import Camera
 from limen.viewing.lens import Lens
 from limen.viewing.placement import LookAt, OnShape, OnSurface
 from limen.viewing.policy import Policy
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 from limen.viewing.tessellation import Tessellation
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
@@ -147,7 +147,7 @@ def mesh(tools: Tools, display: Display) -> Pictures:
     from limen.layers.mesh.draw.drawer import SceneLayer
 
     (quilt,) = pack_outlines(display)
-    windows = Windows(display, quilt)
+    windows = QuiltPanels(display, quilt)
     layer = SceneLayer(tools.device, square(-0.4, 0.25), background=BACKGROUND)
     layer.sort(windows, EYE[None], np.eye(4))
     drawn = layer.read(layer.draw(windows)).copy()
@@ -160,7 +160,7 @@ def points(tools: Tools, display: Display) -> Pictures:
     from limen.layers.points.draw.drawer import PointsLayer
 
     (quilt,) = pack_outlines(display)
-    windows = Windows(display, quilt)
+    windows = QuiltPanels(display, quilt)
     layer = PointsLayer(tools.device, np.concatenate(CLOUD.tops), CLOUD.chunks, background=BACKGROUND)
     frame = CLOUD.frames
     items = []
@@ -223,7 +223,7 @@ def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> N
     pictures = {}
     for display in (UNMATCHED, MATCHED_PAIR):
         (quilt,) = pack_outlines(display)
-        windows = Windows(display, quilt, copies=2)
+        windows = QuiltPanels(display, quilt, copies=2)
         layer = SceneLayer(device, square(-0.4, 2.0), background=BACKGROUND)
         layer.sort(windows, eyes, np.eye(4))
         drawn = layer.read(layer.draw(windows))
@@ -246,7 +246,7 @@ def test_a_simulated_display_shows_gain_once_and_falloff_as_the_viewer_gets_it(d
     from limen.layers.mesh.draw.drawer import SceneLayer
 
     (quilt,) = pack_outlines(MATCHED_PAIR)
-    windows = Windows(MATCHED_PAIR, quilt)
+    windows = QuiltPanels(MATCHED_PAIR, quilt)
     white = plain([(-9, -9, -0.5), (9, -9, -0.5), (0, 18, -0.5)], [(0, 1, 2)])
     layer = SceneLayer(device, white, background=(1.0, 1.0, 1.0))
     away = np.eye(4)
@@ -264,9 +264,9 @@ def test_a_simulated_display_shows_gain_once_and_falloff_as_the_viewer_gets_it(d
 
 def test_displays_of_alike_panels_have_no_such_pass() -> None:
     (quilt,) = pack_outlines(UNMATCHED)
-    assert len(matched_rows(Windows(UNMATCHED, quilt), EYE[None])) == 0
+    assert len(matched_rows(QuiltPanels(UNMATCHED, quilt), EYE[None])) == 0
     one = replace(UNMATCHED, panels=(UNMATCHED.panels[0], replace(UNMATCHED.panels[1], gain=0.5)))
-    assert len(matched_rows(Windows(one, quilt), EYE[None])) == 1
+    assert len(matched_rows(QuiltPanels(one, quilt), EYE[None])) == 1
 
 
 def test_the_least_cosine_is_the_displays_whichever_panels_a_quilt_holds() -> None:
@@ -277,7 +277,7 @@ def test_the_least_cosine_is_the_displays_whichever_panels_a_quilt_holds() -> No
         assert least_cosine(MATCHED_PAIR.select(panel.name), EYE[None]) == whole, "panels that are drawn apart match"
     assert least_cosine(MATCHED_PAIR.scaled(0.5), EYE[None]) == pytest.approx(whole)
     (quilt,) = pack_outlines(MATCHED_PAIR)
-    assert matched_rows(Windows(MATCHED_PAIR, quilt), EYE[None])["least_cosine"] == pytest.approx(whole)
+    assert matched_rows(QuiltPanels(MATCHED_PAIR, quilt), EYE[None])["least_cosine"] == pytest.approx(whole)
     beside = MATCHED_PAIR.panels[1].outline_m.mean(axis=0) + 0.05 * np.array(MATCHED_PAIR.panels[1].normal)
     assert least_cosine(MATCHED_PAIR, beside[None]) == 0.35, "somebody nearly in the plane does not darken all others"
 

@@ -21,7 +21,7 @@ from limen.gpu.structs import wgsl_struct
 from limen.layers.common.panel_uniforms import PANEL_VIEW
 from limen.layers.points.draw import uniforms as records
 from limen.layers.points.draw.drawer import METHODS, PointsLayer, Shape
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -57,7 +57,7 @@ def corner_panels() -> Display:
 def test_all_ways_to_find_the_nearest_give_the_same_picture(device: Any, shape: Shape) -> None:
     display = corner_panels()
     (quilt,) = pack_outlines(display)
-    windows, eye = Windows(display, quilt), np.array([0.0, 0.0, 0.6])
+    windows, eye = QuiltPanels(display, quilt), np.array([0.0, 0.0, 0.6])
     pictures = {}
     for method in METHODS if device.has_wide_atomics else METHODS[1:]:
         layer = layer_of(device, CLOUD, shape=shape, method=method, background=(0.1, 0.0, 0.1))
@@ -75,7 +75,7 @@ def test_the_nearest_disc_that_a_pixel_sees_is_drawn(device: Any) -> None:
     """Against the definition: a disc facing the eye, in plain NumPy, for every pixel and every point."""
     size = (96, 72)
     display = Display.window(size)
-    windows, eye = Windows(display, Quilt(size, (0,), ((0, 0),))), np.zeros(3)
+    windows, eye = QuiltPanels(display, Quilt(size, (0,), ((0, 0),))), np.zeros(3)
     rng = np.random.default_rng(4)
     places = rng.uniform(-1, 1, (60, 3)) * [0.12, 0.09, 0.1]
     rgb = rng.integers(0, 256, (60, 3)).astype(np.uint8)
@@ -122,7 +122,7 @@ def plain_picture(cloud: Any, views: Any, size: tuple[int, int], stands: Any) ->
 def test_a_point_of_no_size_has_a_pixel(device: Any) -> None:
     cloud = build_points(np.zeros((5, 3)), np.full((5, 3), 255, np.uint8))
     size = (31, 31)
-    windows = Windows(Display.window(size), Quilt(size, (0,), ((0, 0),)))
+    windows = QuiltPanels(Display.window(size), Quilt(size, (0,), ((0, 0),)))
     stands = np.eye(4)
     stands[2, 3] = -1.0
     layer = layer_of(device, cloud)

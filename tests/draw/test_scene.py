@@ -16,7 +16,7 @@ from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt, pack, pieces
 from limen.errors import InputError
-from limen.viewing.projection import GUARD_PX, Windows
+from limen.viewing.projection import GUARD_PX, QuiltPanels
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
@@ -71,7 +71,7 @@ def draw(device: Any, mesh: Mesh, display: Display, eyes: Any, *, clip: bool = T
 
     quilt = quilt_of(display)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
-    windows = Windows(display, quilt, len(eyes))
+    windows = QuiltPanels(display, quilt, len(eyes))
     layer = SceneLayer(device, mesh, clip=clip)
     layer.sort(windows, eyes, NOWHERE, forward=options.pop("forward", None))
     image = layer.read(layer.draw(windows, **options))
@@ -140,7 +140,7 @@ def test_nothing_is_drawn_beyond_outlines_and_guard(device: Any, clip: bool) -> 
     mesh = square(-4.0, 30.0)
     image, _ = draw(device, mesh, display, eye, clip=clip)
     quilt = quilt_of(display)
-    facing = Windows(display, quilt).seen_from(eye).facing
+    facing = QuiltPanels(display, quilt).seen_from(eye).facing
     inside_px = depth_in_outlines(display, quilt, np.flatnonzero(facing))
     lit = image[..., 0] > 0
     assert (inside_px > 0).sum() > 20_000
@@ -162,7 +162,7 @@ def test_many_triangles_leave_no_gap(device: Any) -> None:
     fine, _ = draw(device, plain(places, triangles), display, eye)
     coarse, _ = draw(device, square(-6.0, 30.0), display, eye)
     quilt = quilt_of(display)
-    facing = Windows(display, quilt).seen_from(eye).facing
+    facing = QuiltPanels(display, quilt).seen_from(eye).facing
     clear = np.abs(depth_in_outlines(display, quilt, np.flatnonzero(facing)) + GUARD_PX) > 0.01
     np.testing.assert_array_equal((fine[..., 0] > 0)[clear], (coarse[..., 0] > 0)[clear])
 
@@ -273,7 +273,7 @@ def test_turned_quilts_show_the_same_pictures(device: Any) -> None:
     for turn in range(4):
         size = (330, 250) if turn % 2 == 0 else (250, 330)
         quilt = Quilt(size, (0,), ((5, 5),), (turn,))
-        windows = Windows(display, quilt)
+        windows = QuiltPanels(display, quilt)
         layer.sort(windows, np.array([(0.1, 0.05, 1.0)]), NOWHERE)
         pictures.append(pieces(display, quilt, layer.read(layer.draw(windows)))["only"].copy())
     layer.destroy()
@@ -294,7 +294,7 @@ def test_shared_depth_is_that_of_the_viewers_camera(device: Any) -> None:
     forward /= np.linalg.norm(forward)
     wall = square(-2.0, 30.0)
     _, depth = draw(device, wall, display, eye, depth="shared", forward=forward[None])
-    views = Windows(display, quilt).seen_from(eye_m)
+    views = QuiltPanels(display, quilt).seen_from(eye_m)
     checked = 0
     for row, index in enumerate(quilt.panels):
         if not views.facing[row]:
@@ -348,14 +348,14 @@ def test_the_eye_sees_the_scene_as_if_the_display_were_not_there(device: Any, na
     mesh = knot(display)
     layer = SceneLayer(device, mesh, background=light)
     quilt = quilt_of(display)
-    windows = Windows(display, quilt)
+    windows = QuiltPanels(display, quilt)
     layer.sort(windows, np.array(eye), NOWHERE)
     lit = LitDisplay(device, display, [quilt], guard_px=GUARD_PX)
     camera = Camera(eye, target, (size, size), fov)
     through = lit.read(lit.draw([layer.draw(windows)], camera, samples=4, uneven=False))[..., :3] / 255.0
     lit.destroy()
     flat, whole = square_of_view(eye, target, size * 4, fov)
-    windows = Windows(flat, whole)
+    windows = QuiltPanels(flat, whole)
     layer.sort(windows, np.array(eye), NOWHERE)
     direct = halved(layer.read(layer.draw(windows)), 4)
     layer.destroy()

@@ -15,7 +15,7 @@ from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import pack
 from limen.geometry import as_vec3
-from limen.viewing.projection import GUARD_PX, Windows
+from limen.viewing.projection import GUARD_PX, QuiltPanels
 
 pytestmark = pytest.mark.gpu
 
@@ -93,7 +93,7 @@ def gpu_pairs(device: Any, display: Display, eyes: Any, positions: Any, triangle
 
     (quilt,) = pack(display, max_size_px=8192)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
-    windows = Windows(display, quilt, len(eyes))
+    windows = QuiltPanels(display, quilt, len(eyes))
     views = [windows.seen_from(eye, copy) for copy, eye in enumerate(eyes)]
     eye_from_mesh = np.repeat(np.eye(3, 4)[None], len(eyes), axis=0)
     eye_from_mesh[:, :, 3] = -eyes

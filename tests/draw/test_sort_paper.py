@@ -19,7 +19,7 @@ from limen.gpu.structs import wgsl_struct
 from limen.layers.common.panel_uniforms import PANEL_VIEW
 from limen.study.baselines.sort_paper import PAPER_FRAME
 from limen.study.baselines.sort_whole import OCTREE_FRAME
-from limen.viewing.projection import GUARD_PX, Windows
+from limen.viewing.projection import GUARD_PX, QuiltPanels
 
 pytestmark = pytest.mark.gpu
 
@@ -32,7 +32,7 @@ def found_pairs(device: Any, method: Any, display: Display, eyes: Any, mesh: Any
 
     (quilt,) = pack(display, max_size_px=8192)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
-    windows = Windows(display, quilt, len(eyes))
+    windows = QuiltPanels(display, quilt, len(eyes))
     views = [windows.seen_from(eye, copy) for copy, eye in enumerate(eyes)]
     eye_from_mesh = np.repeat(np.eye(3, 4)[None], len(eyes), axis=0)
     eye_from_mesh[:, :, 3] = -eyes
@@ -155,7 +155,7 @@ def test_all_ways_draw_the_same_picture(device: Any, name: str, clip: bool) -> N
     display, eye = DISPLAYS[name]
     eyes = np.array(eye) + np.array([[0, 0, 0], [0.06, 0, 0]])
     (quilt,) = pack_outlines(display)
-    windows = Windows(display, quilt, 2)
+    windows = QuiltPanels(display, quilt, 2)
     mesh = torus_knot(2_000)
     pictures = {}
     for method in METHODS:

@@ -21,7 +21,7 @@ from limen.layers.terrain.patches import PatchPlaces, patch_stream
 from limen.stream.chunks import completed
 from limen.stream.pages import PageStream, PageTable
 from limen.viewing.placement import LookAt
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -132,7 +132,7 @@ class Stage:
 
         eyes = np.reshape(eyes, (-1, 3))
         (quilt,) = pack(display) if len(display.panels) == 1 else pack_outlines(display)
-        self.windows = Windows(display, quilt, len(eyes))
+        self.windows = QuiltPanels(display, quilt, len(eyes))
         count = len(display.panels)
         cut = SimpleNamespace(pair_panel=np.repeat(np.arange(count), len(patches)), pair_patch=np.tile(patches, count))
         if joined:
@@ -344,7 +344,7 @@ def overhead(land: GridLand, scale: float, turn: float, target: Any, far_m: floa
     return matrix
 
 
-def covered(windows: Windows) -> Any:
+def covered(windows: QuiltPanels) -> Any:
     """Pixels whose centre lies in a panel's outline, shape (H, W)."""
     from limen.display.mapping import quilt_outlines
 

@@ -19,7 +19,7 @@ from limen.display.panel import Panel
 from limen.errors import InputError
 from limen.gpu.structs import wgsl_struct
 from limen.layers.terrain.look import TerrainLook, contour_interval_m, panel_tints, tint_range_m, toward_sun
-from limen.viewing.projection import NEAR_M, Windows
+from limen.viewing.projection import NEAR_M, QuiltPanels
 
 SHADERS = [Path(records.__file__).parent / name for name in ("terrain.wgsl", "terrain_clip.wgsl")]
 STRUCTS = {"Terrain": records.TERRAIN, "TerrainView": records.TERRAIN_VIEW, "Source": records.SOURCE}
@@ -120,7 +120,7 @@ def test_a_pixel_and_its_depth_lead_back_to_the_place() -> None:
     panel = Panel("only", (320, 200), (0.3, 0.9, -0.2), (math.cos(turn), 0.0, math.sin(turn)), (0, -1, 0), (0.002,) * 2)
     display = Display("one", (panel, Panel("behind", (320, 200), (0, 0, 3), (1, 0, 0), (0, -1, 0), (0.002,) * 2)))
     (quilt,) = pack_outlines(display)
-    windows = Windows(display, quilt, copies=2)
+    windows = QuiltPanels(display, quilt, copies=2)
     eye, room = np.array([0.1, 0.5, 1.4]), np.eye(4)
     room[:3, :3] = np.array([[0.02, 0.004, 0.0], [0.0, 0.0, 0.003], [0.005, -0.03, 0.0]])
     room[:3, 3] = -room[:3, :3] @ [70_000.0, 40_000.0, 900.0]
@@ -150,7 +150,7 @@ def test_a_panel_is_coloured_inside_its_outline() -> None:
         "one", (Panel("top", (48, 40), (0, 0, 0), (1, 0, 0), (0, -1, 0), (0.01,) * 2, outline_px=outline),)
     )
     (quilt,) = pack_outlines(display)
-    windows = Windows(display, quilt)
+    windows = QuiltPanels(display, quilt)
     view = windows.seen_from((0.2, 0.1, 0.7))
     row = records.view_rows(
         [view], np.eye(4), records.Origin(np.zeros(2, np.int64), 0.0), np.ones(1), None, quilt.size_px

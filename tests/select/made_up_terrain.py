@@ -12,7 +12,7 @@ from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import pack
 from limen.geometry import Floats
-from limen.viewing.projection import PanelViews, Windows
+from limen.viewing.projection import PanelProjections, QuiltPanels
 
 LEAF, BLOCK = 32, 256
 
@@ -66,7 +66,7 @@ def made_up_terrain(seed: int, roots: tuple[int, int] = (2, 1)) -> tuple[Nodes, 
 
 @dataclass(frozen=True)
 class Scene:
-    views: PanelViews
+    views: PanelProjections
     quilt_size_px: tuple[int, int]
     room_from_posts: Floats
 
@@ -111,4 +111,4 @@ def made_up_scene(seed: int, panels: int = 2, columns: int = 512, rows: int = 25
     post = np.append(random.uniform([0, 0, 0], [columns, rows, 100.0]), 1.0)
     ahead = np.array([0.0, 0.15, 0.0]) - eye
     room[:3, 3] = eye + ahead * random.uniform(0.2, 1) * size_m - room[:3, :3] @ (metric @ post)[:3]
-    return Scene(Windows(display, quilt).seen_from(eye), quilt.size_px, room @ metric)
+    return Scene(QuiltPanels(display, quilt).seen_from(eye), quilt.size_px, room @ metric)

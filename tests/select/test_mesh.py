@@ -23,7 +23,7 @@ from limen.layers.mesh.fold_kernels import HIDDEN, INTERIOR, SILHOUETTE, facing_
 from limen.layers.mesh.holes import visible_holes
 from limen.layers.mesh.select import FoldRequest, FoldTree, select_mesh
 from limen.viewing.policy import Policy
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
@@ -54,7 +54,7 @@ def ball(rings: int = 40, *, bumps: float = 0.02) -> Mesh:
 
 
 BALL = FoldTree(build_vertex_tree(ball()))
-VIEWS = Windows(Display.window((640, 480)), Quilt((640, 480), (0,), ((0, 0),))).seen_from(np.zeros(3))
+VIEWS = QuiltPanels(Display.window((640, 480)), Quilt((640, 480), (0,), ((0, 0),))).seen_from(np.zeros(3))
 SHARES = acuity_scale_of_contrast(100.0)
 
 

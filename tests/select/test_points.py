@@ -26,7 +26,7 @@ from limen.display.quilt import Quilt
 from limen.layers.common.contrast_scale import acuity_scale_of_contrast
 from limen.layers.points.select import TOP_ITEM, PointsRequest, PointTree, ResidentNodes, select_points
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelViews, Windows
+from limen.viewing.projection import PanelProjections, QuiltPanels
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
@@ -40,9 +40,9 @@ ALL = ResidentNodes(
 SHARES = acuity_scale_of_contrast(100.0)
 
 
-def views_of(size_px=(640, 480), eye_m=(0.0, 0.0, 0.0)) -> PanelViews:
+def views_of(size_px=(640, 480), eye_m=(0.0, 0.0, 0.0)) -> PanelProjections:
     display = Display.window(size_px)
-    return Windows(display, Quilt(size_px, (0,), ((0, 0),))).seen_from(np.array(eye_m))
+    return QuiltPanels(display, Quilt(size_px, (0,), ((0, 0),))).seen_from(np.array(eye_m))
 
 
 def standing(distance_m: float, turn: float = 0.0, size: float = 1.0):

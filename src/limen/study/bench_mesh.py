@@ -43,7 +43,7 @@ from limen.study.peers import INSTALL
 from limen.study.surfaces import surface_error
 from limen.study.verify_scene import Pose, monitor, pixels_per_degree, random_poses, random_windows, standing
 from limen.viewing.policy import Policy
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
@@ -178,7 +178,7 @@ class _Scene:
 def _cuts(name: str, mesh: Mesh, foldable: FoldTree, most: int, frames: int) -> Iterator[PeerRow]:
     """What choosing costs a frame, processor time; all of the mesh is in sight."""
     scene = _Scene.of(mesh, frames)
-    views = Windows(scene.display, pack(scene.display)[0]).seen_from(scene.viewer.eyes_m[0])
+    views = QuiltPanels(scene.display, pack(scene.display)[0]).seen_from(scene.viewer.eyes_m[0])
     whites = [panel.luminance_cd_m2 for panel in scene.display.panels]
     for policy in (Policy("contrast"), Policy("contrast", gaze=True), Policy("budget", most_items=most)):
         tolerance = tolerance_of([scene.viewer], policy.eyesight)

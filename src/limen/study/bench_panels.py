@@ -36,7 +36,7 @@ from limen.layers.mesh.draw.sort import TriangleSorter
 from limen.layers.mesh.draw.sorter import Sorter
 from limen.study.baselines.sort_paper import PaperSorter
 from limen.study.baselines.sort_whole import OctreeSorter, WholeScene
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 
 __all__ = ["DISPLAYS", "Budget", "PanelsRow", "Point", "Stage", "aims", "bench_panels", "measure", "points", "stage"]
 
@@ -130,7 +130,7 @@ class Point(NamedTuple):
 class Stage:
     """A display with its quilt, and the sizes of the scene and the walk around it, metres."""
 
-    windows: Windows
+    windows: QuiltPanels
     scene_m: float
     eye_m: float
 
@@ -240,7 +240,7 @@ def stage(name: str, quilt_px: int) -> Stage:
     display = Display(name, tuple(panels_of_mesh(mesh, name, pitch_m)))
     quilt = pack_outlines(display, max_size_px=16_384, max_px=2 * quilt_px)[0]
     half = (mesh.corners.max(axis=0) - mesh.corners.min(axis=0)) / 2
-    return Stage(Windows(display, quilt), _SCENE * float(np.prod(half) ** (1 / 3)), _RADII * float(half.max()))
+    return Stage(QuiltPanels(display, quilt), _SCENE * float(np.prod(half) ** (1 / 3)), _RADII * float(half.max()))
 
 
 def measure(device: Device, point: Point, *, frames: int, budget: Budget) -> list[PanelsRow]:

@@ -22,7 +22,7 @@ from limen.stream.chunks import completed
 from limen.study.traffic import FRAMES_PER_S
 from limen.track.session import Frame, Session
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelViews, Windows, guard_of
+from limen.viewing.projection import PanelProjections, QuiltPanels, guard_of
 from limen.viewing.tolerance import STANDS, Tolerance, tolerance_of
 
 __all__ = ["SceneRow", "SceneSession", "SceneTraffic", "count_scene_traffic"]
@@ -82,7 +82,7 @@ class _Counted(NamedTuple):
 
 
 class _Source(Protocol):
-    def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted: ...
+    def counted(self, views: PanelProjections, frame: Frame, policy: Policy, shares: Floats) -> _Counted: ...
     def close(self) -> None: ...
 
 
@@ -111,7 +111,7 @@ def count_scene_traffic(
         Called after every frame.
     """
     quilts = pack_outlines(display, max_size_px=1 << 16, max_px=1 << 31)
-    windows = [Windows(display, quilt, guard_px=guard_of(display, quilt)) for quilt in quilts]
+    windows = [QuiltPanels(display, quilt, guard_px=guard_of(display, quilt)) for quilt in quilts]
     whites = [panel.luminance_cd_m2 for panel in display.panels]
     source: _Source = (
         _Triangles(content, room_from_content) if isinstance(content, Mesh) else _Splats(content, room_from_content)
@@ -151,7 +151,7 @@ class _Triangles:
     def __init__(self, mesh: Mesh, room_from_mesh: Floats) -> None:
         self._foldable, self._stands = FoldTree(tree_of(mesh)), room_from_mesh
 
-    def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
+    def counted(self, views: PanelProjections, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
         if not views.facing.any():
             return _Counted(0, 0, 0.0)
         sight = FoldRequest((views,), self._stands, _allowed(frame, policy), policy, shares)
@@ -170,7 +170,7 @@ class _Splats:
         self._stands = np.array(room_from_file, dtype=float)
         self._stands[:3, 3] += self._stands[:3, :3] @ points.origin
 
-    def counted(self, views: PanelViews, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
+    def counted(self, views: PanelProjections, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
         sight = PointsRequest(views, self._stands, _allowed(frame, policy), policy, shares)
         cut = select_points(self._tree, self._stream.nodes, sight)
         if not self._stream.resident.mask[cut.wanted].all():

@@ -27,7 +27,7 @@ from limen.study.terrain_table import Table2Row, at_wall_centre, table2_rows
 from limen.study.terrain_vtk import FullGrid, hillshade
 from limen.study.triangulations import Posts, drawn
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 from limen.viewing.standing import standing_viewer
 from limen.viewing.viewer import Viewer
 
@@ -253,7 +253,7 @@ def displacement(terrain: Terrain, posts: Posts, choice: Choice, room_from_posts
 
 
 def _projected(
-    views: PanelViews, size_px: NDArray[np.int64], room_from_posts: Floats, places: Floats
+    views: PanelProjections, size_px: NDArray[np.int64], room_from_posts: Floats, places: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Pixels of the quilt (N, 2), and which are on the first panel and before the eye (N,)."""
     way = places @ room_from_posts[:3, :3].T + room_from_posts[:3, 3] - views.eye_m

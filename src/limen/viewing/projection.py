@@ -32,7 +32,7 @@ from limen.display.panel import MAX_OUTLINE_CORNERS
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 
-__all__ = ["GUARD_PX", "NEAR_M", "PanelViews", "Windows", "guard_of", "quilt_from_room"]
+__all__ = ["GUARD_PX", "NEAR_M", "PanelProjections", "QuiltPanels", "guard_of", "quilt_from_room"]
 
 NEAR_M = 0.02
 """What is nearer to the eye than about this is cut away, unless it is known where things begin."""
@@ -43,7 +43,7 @@ _GUARDED = 0.98
 _IN_PLANE_M = 1e-6  # an eye this near to a panel's plane, or behind it, sees no pixel of it
 
 
-class PanelViews(NamedTuple):
+class PanelProjections(NamedTuple):
     """What one eye sees of the panels, as linear forms of ``d``, the way from the eye to a place (metres).
 
     One row a panel; ``clip[:, 0] . d``, ``clip[:, 1] . d`` and ``clip[:, 2] . d`` are x, y, w in the clip space of the
@@ -63,7 +63,7 @@ class PanelViews(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Windows:
+class QuiltPanels:
     """The panels of a quilt as windows: what does not depend on the eye.
 
     Parameters
@@ -83,7 +83,7 @@ class Windows:
     copies: int = 1
     guard_px: float = GUARD_PX
 
-    def seen_from(self, eye_m: Vec3 | Floats, copy: int = 0, near_m: float = NEAR_M) -> PanelViews:
+    def seen_from(self, eye_m: Vec3 | Floats, copy: int = 0, near_m: float = NEAR_M) -> PanelProjections:
         """The panels as one eye sees them.
 
         Parameters
@@ -113,7 +113,7 @@ class Windows:
         farthest = np.linalg.norm(lines.outline_m - np.asarray(eye_m, dtype=float), axis=2).max(axis=1)
         # A power of two, so that what is told from depth is the same to the last bit whatever else a frame begins with.
         near = _power_of_two(np.maximum(height, 0) * _GUARDED * near_m / np.maximum(farthest, 1e-300))
-        return PanelViews(
+        return PanelProjections(
             np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count,
             self.facing(eye_m),
             np.asarray(eye_m, dtype=float), lines.outline_m,
@@ -211,7 +211,7 @@ def quilt_from_room(display: Display, quilt: Quilt, eye_m: Vec3) -> Floats:
     shape (N, 4, 4)
         In the order of the quilt's panels. Clip space is WebGPU's (x right, y up, depth 0 ... 1), depth reversed.
     """
-    views = Windows(display, quilt).seen_from(eye_m)
+    views = QuiltPanels(display, quilt).seen_from(eye_m)
     matrices = np.zeros((len(views.near), 4, 4))
     rows = views.clip
     matrices[:, [0, 1, 3], :3] = rows

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from limen.geometry import Floats
 from limen.layers.common.sphere_kernels import BINS, BINS_PER_OCTAVE, LOWEST_OCTAVE
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 from limen.viewing.tolerance import Tolerance
 
 __all__ = ["budget_limit", "eye_rows", "panel_rows"]
@@ -43,7 +43,7 @@ def eye_rows(tolerance: Tolerance, eye_m: Floats) -> Floats:
     return eyes
 
 
-def panel_rows(views: PanelViews) -> Floats:
+def panel_rows(views: PanelProjections) -> Floats:
     """What the loops are told of every panel, (N, 30)."""
     rows = np.zeros((len(views.near), 30))
     normal = views.clip[:, 2]

@@ -25,7 +25,7 @@ from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.layers.common.panel_uniforms import Rows, ways_of_pixels
-from limen.viewing.projection import PanelViews, Windows
+from limen.viewing.projection import PanelProjections, QuiltPanels
 
 __all__ = ["MATCHED", "PanelMatching", "least_cosine", "matched_rows"]
 
@@ -61,7 +61,7 @@ class PanelMatching:
         self._rows = GrowingBuffer(device, "matched panels", wgpu.BufferUsage.STORAGE)
         self._pipelines: dict[str, Any] = {}
 
-    def record(self, encoder: Any, windows: Windows, eyes_m: Floats, target: Any, target_format: str) -> None:
+    def record(self, encoder: Any, windows: QuiltPanels, eyes_m: Floats, target: Any, target_format: str) -> None:
         """Dim a quilt that was drawn with the same encoder.
 
         Parameters
@@ -105,13 +105,13 @@ class PanelMatching:
         )  # fmt: skip
 
 
-def matched_rows(windows: Windows, eyes_m: Floats) -> Rows:
+def matched_rows(windows: QuiltPanels, eyes_m: Floats) -> Rows:
     """Rows of `MATCHED`: the panels that are dimmed, of the first eye and then of the second. No GPU here."""
     gain, falloff = windows.light
     if (gain == 1).all() and (falloff == 0).all():
         return np.zeros(0, MATCHED)
     views = [windows.seen_from(eye_m, copy) for copy, eye_m in enumerate(eyes_m)]
-    copies: Sequence[PanelViews | None] = views or [None] * windows.copies
+    copies: Sequence[PanelProjections | None] = views or [None] * windows.copies
     least = least_cosine(windows.display, eyes_m)
     width, height = windows.quilt.size_px
     size_px = width * len(copies), height

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 
 __all__ = ["MOST_EYES", "PANEL_VIEW", "Rows", "view_rows", "ways_of_pixels"]
 
@@ -34,7 +34,7 @@ PANEL_VIEW = np.dtype(
 )
 
 
-def view_rows(views: Sequence[PanelViews], erosion_px: Sequence[Floats]) -> Rows:
+def view_rows(views: Sequence[PanelProjections], erosion_px: Sequence[Floats]) -> Rows:
     """Rows of `PANEL_VIEW`: all panels of the first eye, then all of the second.
 
     Parameters

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.geometry import Floats
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 
 __all__ = ["DirectionGrid", "direction_grid"]
 
@@ -53,7 +53,7 @@ class DirectionGrid(NamedTuple):
     erosion_px: Floats  # (N, 8): how far inside an edge (and its guard) a panel's core begins
 
 
-def direction_grid(views: PanelViews) -> DirectionGrid:
+def direction_grid(views: PanelProjections) -> DirectionGrid:
     """The grid of the panels that face the eye."""
     from limen.layers.mesh import direction_kernels as kernels
 
@@ -74,7 +74,7 @@ def direction_grid(views: PanelViews) -> DirectionGrid:
     return DirectionGrid(planes, cells, starts, ends, entries, extents, erosion)
 
 
-def _planes(views: PanelViews) -> Floats:
+def _planes(views: PanelProjections) -> Floats:
     """Rows that take a direction to -1 ... 1 on every picture plane needed: shape (F, 3, 3)."""
     used = views.facing[:, None] & (np.arange(views.corners.shape[1]) < views.corner_count[:, None])
     corners = views.corners[used]

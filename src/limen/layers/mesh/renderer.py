@@ -33,7 +33,7 @@ from limen.layers.mesh.select import Extent, FoldRequest, FoldTree, MeshCut, sel
 from limen.viewing.camera import Camera
 from limen.viewing.choices import STEREOS, Depth, Stereo
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelViews, Windows, guard_of
+from limen.viewing.projection import PanelProjections, QuiltPanels, guard_of
 from limen.viewing.tolerance import STANDS, tolerance_of
 from limen.viewing.viewer import Viewer
 
@@ -175,7 +175,7 @@ class SceneRenderer:
         )
         _check_sizes(self.quilts, copies, device.max_texture_px)
         self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
-        self._windows = {quilt: Windows(display, quilt, copies, self.guard_px) for quilt in self.quilts}
+        self._windows = {quilt: QuiltPanels(display, quilt, copies, self.guard_px) for quilt in self.quilts}
         self._device = device
         self.simplified = simplified
         self._whites = [panel.luminance_cd_m2 for panel in display.panels]
@@ -316,7 +316,9 @@ class SceneRenderer:
         begin = time.perf_counter()
         windows = self._windows.get(quilt)
         if windows is None:
-            windows = self._windows[quilt] = Windows(self.display, quilt, self._copies, guard_of(self.display, quilt))
+            windows = self._windows[quilt] = QuiltPanels(
+                self.display, quilt, self._copies, guard_of(self.display, quilt)
+            )
         everybody = [viewers] if isinstance(viewers, Viewer) else list(viewers)
         viewer = everybody[0]
         eyes_m = self._eyes(viewer)
@@ -349,7 +351,7 @@ class SceneRenderer:
         return _Drawn(quilt, texture, report)
 
     def _cut(
-        self, quilt: Quilt, views: Sequence[PanelViews], viewers: Sequence[Viewer], overlay: SceneOverlay | None
+        self, quilt: Quilt, views: Sequence[PanelProjections], viewers: Sequence[Viewer], overlay: SceneOverlay | None
     ) -> MeshCut | None:
         """Choose the triangles that are left; None where all are."""
         if self.simplified is None:

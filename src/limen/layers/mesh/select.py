@@ -38,7 +38,7 @@ from limen.layers.mesh.fold_kernels import CREST, count_left, deaths, emit, fold
 from limen.layers.mesh.holes import HoleCovers, covers_of, visible_holes
 from limen.system import worker_count
 from limen.viewing.policy import COUNTED, Policy
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 from limen.viewing.tolerance import Tolerance
 from limen.vision.contrast_codes import CONTRAST_OF_CODE
 
@@ -94,7 +94,7 @@ class FoldRequest:
         Whether light falls on it as `limen.layers.common.lighting` says.
     """
 
-    views: tuple[PanelViews, ...]
+    views: tuple[PanelProjections, ...]
     room_from_mesh: Floats
     tolerance: Tolerance
     policy: Policy

@@ -32,7 +32,7 @@ from limen.layers.points.stream import CHUNK_BYTES, PointStream
 from limen.stream.chunks import Update, completed
 from limen.viewing.camera import Camera
 from limen.viewing.policy import Policy
-from limen.viewing.projection import Windows, guard_of
+from limen.viewing.projection import QuiltPanels, guard_of
 from limen.viewing.tolerance import STANDS, tolerance_of
 from limen.viewing.viewer import Viewer
 
@@ -91,7 +91,7 @@ class PointsReport:
 
 class _Chosen(NamedTuple):
     quilt: Quilt
-    windows: Windows
+    windows: QuiltPanels
     sight: PointsRequest
     cut: PointCut
     select_s: float
@@ -161,7 +161,7 @@ class PointsRenderer:
             display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, 2 * widest)
         )
         self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
-        self._windows: dict[Quilt, Windows] = {}
+        self._windows: dict[Quilt, QuiltPanels] = {}
         self._device, self._tree = device, PointTree.of(points)
         self._whites = [panel.luminance_cd_m2 for panel in display.panels]
         room = min(gpu_bytes, device.max_binding_bytes) // CHUNK_BYTES
@@ -270,7 +270,7 @@ class PointsRenderer:
         begin = time.perf_counter()
         windows = self._windows.get(quilt)
         if windows is None:
-            windows = self._windows[quilt] = Windows(self.display, quilt, guard_px=guard_of(self.display, quilt))
+            windows = self._windows[quilt] = QuiltPanels(self.display, quilt, guard_px=guard_of(self.display, quilt))
         sight = PointsRequest(
             windows.seen_from(viewers[0].position_m), self._room_from_cloud,
             tolerance_of(viewers, policy.eyesight, self.motion), self._throttle.within(policy),

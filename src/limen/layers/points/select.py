@@ -33,7 +33,7 @@ from limen.layers.common.sphere_kernels import BINS
 from limen.layers.points.kernels import cut_chunks, cut_tops
 from limen.system import worker_count
 from limen.viewing.policy import COUNTED, Policy
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 from limen.viewing.tolerance import Tolerance
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class PointsRequest:
         Whether splats with normals are lit: then normals that differ make contrast.
     """
 
-    views: PanelViews
+    views: PanelProjections
     room_from_cloud: Floats
     tolerance: Tolerance
     policy: Policy

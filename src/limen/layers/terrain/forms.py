@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 
 __all__ = ["TerrainForms", "terrain_forms"]
 
@@ -53,7 +53,7 @@ class TerrainForms(NamedTuple):
     step_m: Floats  # (3,): room metres of a column, a row, and a metre of height
 
 
-def terrain_forms(views: PanelViews, quilt_size_px: tuple[int, int], room_from_posts: Floats) -> TerrainForms:
+def terrain_forms(views: PanelProjections, quilt_size_px: tuple[int, int], room_from_posts: Floats) -> TerrainForms:
     """The forms of all panels of an eye.
 
     Parameters

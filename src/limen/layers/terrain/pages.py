@@ -19,7 +19,7 @@ from limen.layers.common.page_detail import KEPT, Detail
 from limen.layers.terrain import kernels
 from limen.layers.terrain.forms import terrain_forms
 from limen.layers.terrain.select import TerrainCut
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 
 __all__ = ["OWN_TEXEL_FROM_POST", "Faint", "TerrainPages", "pages_for_terrain", "texel_tolerance_px"]
 
@@ -50,7 +50,7 @@ def pages_for_terrain(
     nodes: Nodes,
     patches: PatchTable,
     pyramid: Pyramid,
-    views: PanelViews,
+    views: PanelProjections,
     quilt_size_px: tuple[int, int],
     room_from_posts: Floats,
     allowed_px: Floats,

@@ -21,7 +21,7 @@ from limen.geometry import Floats
 from limen.layers.terrain import kernels
 from limen.layers.terrain.forms import TerrainForms, terrain_forms
 from limen.viewing.choices import MODES, Mode
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 
 __all__ = ["TerrainCut", "select_terrain"]
 
@@ -74,7 +74,7 @@ class TerrainCut:
 def select_terrain(
     nodes: Nodes,
     patches: PatchTable,
-    views: PanelViews,
+    views: PanelProjections,
     quilt_size_px: tuple[int, int],
     room_from_posts: Floats,
     allowed_px: Floats,

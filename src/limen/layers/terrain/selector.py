@@ -24,7 +24,7 @@ from limen.viewing.choices import CAMERAS, CameraKind, Mode
 from limen.viewing.panel_demands import PanelDemands, Rule, panel_demands
 from limen.viewing.placement import LookAt
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelViews, Windows, guard_of
+from limen.viewing.projection import PanelProjections, QuiltPanels, guard_of
 from limen.viewing.viewer import Pointer, Viewer
 
 __all__ = ["Choice", "Scenery", "TerrainSelector", "TerrainSettings", "merged"]
@@ -88,8 +88,8 @@ class Choice(NamedTuple):
     """One quilt, and what its panels want."""
 
     quilt: Quilt
-    windows: Windows
-    views: PanelViews
+    windows: QuiltPanels
+    views: PanelProjections
     allowed_px: Floats
     cut: TerrainCut
     pages: TerrainPages
@@ -118,7 +118,7 @@ class TerrainSelector:
         self.scenery, self.display, self.settings = scenery, display, settings
         self._whole, self._reference_m = whole, reference_m
         self.guard_px = min(guard_of(display, quilt) for quilt in quilts)
-        self._windows = {quilt: Windows(display, quilt, 1, self.guard_px) for quilt in quilts}
+        self._windows = {quilt: QuiltPanels(display, quilt, 1, self.guard_px) for quilt in quilts}
         self._earlier: PanelDemands | None = None
         self.pose(0.0)
 
@@ -152,7 +152,7 @@ class TerrainSelector:
         begin = time.perf_counter()
         windows = self._windows.get(quilt)
         if windows is None:
-            windows = self._windows[quilt] = Windows(self.display, quilt, 1, guard_of(self.display, quilt))
+            windows = self._windows[quilt] = QuiltPanels(self.display, quilt, 1, guard_of(self.display, quilt))
         views = windows.seen_from(self._eye(viewers))
         allowed_px = demands.allowed_px[list(quilt.panels)]
         cut = self.select(quilt, views, allowed_px)
@@ -165,7 +165,7 @@ class TerrainSelector:
         return np.array(self._reference_m if fixed else viewers[0].position_m)
 
     def select(
-        self, quilt: Quilt, views: PanelViews, allowed_px: Floats, available: NDArray[np.bool_] | None = None
+        self, quilt: Quilt, views: PanelProjections, allowed_px: Floats, available: NDArray[np.bool_] | None = None
     ) -> TerrainCut:
         """The cut of one quilt, of all patches or of those that are available."""
         return select_terrain(
@@ -174,7 +174,7 @@ class TerrainSelector:
         )  # fmt: skip
 
     def _pages(
-        self, cut: TerrainCut, quilt: Quilt, views: PanelViews, allowed_px: Floats, hides_faint: NDArray[np.bool_]
+        self, cut: TerrainCut, quilt: Quilt, views: PanelProjections, allowed_px: Floats, hides_faint: NDArray[np.bool_]
     ) -> tuple[TerrainPages, TerrainPages]:
         """Pages of relief and heights, and of the drape.
 

@@ -27,7 +27,7 @@ from limen.geometry import Floats
 from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.mesh.draw.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.study.baselines.octree import LEAVES, Octree
-from limen.viewing.projection import GUARD_PX, PanelViews
+from limen.viewing.projection import GUARD_PX, PanelProjections
 
 __all__ = ["PAPER_FRAME", "PaperSorter"]
 
@@ -82,7 +82,7 @@ class PaperSorter(Sorter):
 
     _octree: Octree | None = None
 
-    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelProjections], eye_from_mesh: Floats) -> NDArray[np.void]:
         octree = self._octree_of(views[0].outline_m)
         rows = view_rows(views, [np.array(GUARD_PX)] * self.eyes).reshape(self.eyes, -1)
         row = np.zeros(1, PAPER_FRAME)
@@ -130,12 +130,12 @@ class PaperSorter(Sorter):
         return self._octree
 
 
-def _heights_m(view: PanelViews) -> Floats:
+def _heights_m(view: PanelProjections) -> Floats:
     """How high the eye stands above each panel's plane; 0 where it is not in front."""
     return np.where(view.facing, np.einsum("na,na->n", view.clip[:, 2], view.outline_m[:, 0] - view.eye_m), 0.0)
 
 
-def _camera(view: PanelViews) -> Floats:
+def _camera(view: PanelProjections) -> Floats:
     """Right, up and forward of a camera that looks at the middle of what the eye sees: shape (3, 3)."""
     forward = view.corners[view.facing, 0].sum(axis=0)
     length = float(np.linalg.norm(forward))

@@ -23,7 +23,7 @@ from limen.geometry import Floats
 from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.mesh.draw.sorter import GROUP, Groups, Parts, Sorter, Steps
 from limen.study.baselines.octree import LEAVES
-from limen.viewing.projection import PanelViews, Windows
+from limen.viewing.projection import PanelProjections, QuiltPanels
 
 __all__ = ["OCTREE_FRAME", "OctreeSorter", "WholeScene"]
 
@@ -57,7 +57,7 @@ class _SceneSorter(Sorter):
     )  # fmt: skip
     written = ("ways", "bounds", "tally", "leaves", "members", "hits", "pairs", "counters", "arguments")
 
-    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelProjections], eye_from_mesh: Floats) -> NDArray[np.void]:
         self.buffers["views"].write(view_rows(views, [np.array(0.0)] * self.eyes))
         self.buffers["bounds"].reserve(24)
         row = np.zeros(1, OCTREE_FRAME)
@@ -91,7 +91,7 @@ class OctreeSorter(_SceneSorter):
 
     _member_capacity = 0
 
-    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelProjections], eye_from_mesh: Floats) -> NDArray[np.void]:
         if not self._member_capacity:
             self._member_capacity = self.triangle_count * _FIRST_MEMBERS + _FIRST_MEMBERS_IN_ALL
         self.buffers["tally"].reserve(LEAVES**3 * 4)
@@ -133,10 +133,10 @@ class WholeScene(_SceneSorter):
     parts: ClassVar[Parts] = {"transform": ("transform",)}
     source = 2
 
-    _views: Sequence[PanelViews] = ()
-    _boxes: tuple[Windows, list[tuple[int, ...]]] | None = None
+    _views: Sequence[PanelProjections] = ()
+    _boxes: tuple[QuiltPanels, list[tuple[int, ...]]] | None = None
 
-    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelProjections], eye_from_mesh: Floats) -> NDArray[np.void]:
         self.pair_capacity = 1
         self._views = views
         return super()._prepare(views, eye_from_mesh)
@@ -155,7 +155,7 @@ class WholeScene(_SceneSorter):
         number, view = np.meshgrid(np.arange(self.triangle_count, dtype=np.uint32), facing)
         return np.stack([number.ravel(), view.ravel()], axis=1)
 
-    def record(self, render_pass: Any, windows: Windows) -> None:
+    def record(self, render_pass: Any, windows: QuiltPanels) -> None:
         """One draw a panel."""
         render_pass.set_index_buffer(self.buffers["triangles"].buffer, wgpu.IndexFormat.uint32)
         facing = np.concatenate([view.facing for view in self._views])
@@ -166,7 +166,7 @@ class WholeScene(_SceneSorter):
             render_pass.draw_indexed(self.triangle_count * 3, 1, 0, 0, number)
 
 
-def _boxes_px(windows: Windows) -> list[tuple[int, ...]]:
+def _boxes_px(windows: QuiltPanels) -> list[tuple[int, ...]]:
     """Left, top, width and height in the quilt of every panel of every eye, with its guard."""
     quilt, display = windows.quilt, windows.display
     maps = quilt.quilt_from_panel(display)

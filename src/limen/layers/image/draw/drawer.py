@@ -29,7 +29,7 @@ from limen.layers.image.draw.lens_mesh import LensMesh
 from limen.layers.image.select import View
 from limen.stream.pages import Drawable, PageStream, PageTable, page_table
 from limen.viewing.placement import OnSurface
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 from limen.viewing.tolerance import Tolerance
 
 __all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "Drawn", "ImageLayer", "Overlay", "Sampling", "drawable_of"]
@@ -99,7 +99,7 @@ class ImageLayer:
         self._lens_mesh: LensMesh | None = None
         self._targets: dict[tuple[tuple[int, int], str], Any] = {}
         self._static_rows: dict[Quilt, records.Rows] = {}
-        self._windows: dict[Quilt, Windows] = {}
+        self._windows: dict[Quilt, QuiltPanels] = {}
         self._matching = PanelMatching(device)
         storage = wgpu.BufferUsage.STORAGE
         self._buffers = {
@@ -258,7 +258,7 @@ class ImageLayer:
 
     def _match(self, encoder: Any, quilt: Quilt, eye_m: Vec3 | None, target: Any, target_format: str) -> None:
         if quilt not in self._windows:
-            self._windows[quilt] = Windows(self._view.display, quilt, guard_px=_RIM_PX)
+            self._windows[quilt] = QuiltPanels(self._view.display, quilt, guard_px=_RIM_PX)
         windows = self._windows[quilt]
         eyes_m = np.zeros((0, 3)) if eye_m is None else np.array([eye_m], dtype=float)
         self._matching.record(encoder, windows, eyes_m, target, target_format)

@@ -26,7 +26,7 @@ from limen.layers.mesh.draw.sorter import Sorter
 from limen.layers.mesh.draw.textures import upload_textures
 from limen.layers.mesh.draw.uniforms import corner_rows, scene_row
 from limen.viewing.choices import Depth
-from limen.viewing.projection import NEAR_M, Windows
+from limen.viewing.projection import NEAR_M, QuiltPanels
 
 __all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "Depth", "SceneLayer", "SceneOverlay"]
 
@@ -112,7 +112,9 @@ class SceneLayer:
         """Other triangles of the same vertices, shape (T, 3): what the next frames show."""
         self.sorter.choose(triangles)
 
-    def sort(self, windows: Windows, eyes_m: Floats, room_from_mesh: Floats, *, forward: Floats | None = None) -> int:
+    def sort(
+        self, windows: QuiltPanels, eyes_m: Floats, room_from_mesh: Floats, *, forward: Floats | None = None
+    ) -> int:
         """The first half of a frame: which triangles touch which panels; waits for the adapter.
 
         Where there is no room for all pairs, more is made and they are sorted once more: no triangle is lost.
@@ -158,7 +160,7 @@ class SceneLayer:
 
     def draw(
         self,
-        windows: Windows,
+        windows: QuiltPanels,
         *,
         depth: Depth = "panel",
         overlay: SceneOverlay | None = None,
@@ -197,7 +199,7 @@ class SceneLayer:
         """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
         return self._targets.read(texture)
 
-    def read_depth(self, windows: Windows) -> NDArray[np.float32]:
+    def read_depth(self, windows: QuiltPanels) -> NDArray[np.float32]:
         """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits."""
         return self._targets.read_depth((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]))
 
@@ -223,7 +225,7 @@ class SceneLayer:
 
     def _submit(
         self,
-        windows: Windows,
+        windows: QuiltPanels,
         view: Any,
         depth_view: Any,
         target_format: str,

@@ -23,7 +23,7 @@ from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.mesh.directions import direction_grid
 from limen.layers.mesh.draw.sorter import DRAW_OFFSET, GROUP, Groups, Parts, Sorter, Steps
 from limen.layers.mesh.draw.uniforms import grid_words, sort_frame
-from limen.viewing.projection import PanelViews
+from limen.viewing.projection import PanelProjections
 
 __all__ = ["DRAW_OFFSET", "TriangleSorter"]
 
@@ -45,7 +45,7 @@ class TriangleSorter(Sorter):
     }
     parts: ClassVar[Parts] = {"first pass": ("locate", "assign"), "second pass": ("plan", "search", "finish")}
 
-    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelProjections], eye_from_mesh: Floats) -> NDArray[np.void]:
         grids = [direction_grid(view) for view in views]
         words, begins = grid_words(grids)
         self.buffers["views"].write(view_rows(views, [grid.erosion_px for grid in grids]))

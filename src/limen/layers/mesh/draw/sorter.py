@@ -20,7 +20,7 @@ from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.layers.common.panel_uniforms import MOST_EYES
-from limen.viewing.projection import PanelViews, Windows
+from limen.viewing.projection import PanelProjections, QuiltPanels
 
 __all__ = ["DRAW_OFFSET", "GROUP", "MOST_GROUPS", "Groups", "Parts", "Sorter", "Steps"]
 
@@ -123,7 +123,7 @@ class Sorter:
         self.triangle_count = len(triangles)
         self.buffers["triangles"].write(triangles)
 
-    def sort(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> None:
+    def sort(self, views: Sequence[PanelProjections], eye_from_mesh: Floats) -> None:
         """Submit the sorting of one frame.
 
         Parameters
@@ -167,7 +167,7 @@ class Sorter:
         """The buffer with the arguments of the indirect draw, at `DRAW_OFFSET`."""
         return self.buffers["arguments"].buffer
 
-    def record(self, render_pass: Any, _windows: Windows) -> None:
+    def record(self, render_pass: Any, _windows: QuiltPanels) -> None:
         """Draw what was sorted, with the pipeline and bindings that are set."""
         render_pass.draw_indirect(self.arguments, DRAW_OFFSET)
 
@@ -202,7 +202,7 @@ class Sorter:
 
     # ------------------------------------------------------------------ what ways of sorting differ in
 
-    def _prepare(self, views: Sequence[PanelViews], eye_from_mesh: Floats) -> NDArray[np.void]:
+    def _prepare(self, views: Sequence[PanelProjections], eye_from_mesh: Floats) -> NDArray[np.void]:
         """Write what the steps read; the one row of ``frame``, but for its ``pair_capacity``."""
         raise NotImplementedError
 

@@ -35,7 +35,7 @@ from limen.layers.points.draw.uniforms import (
     ray_rows,
     stride_of,
 )
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 
 __all__ = ["METHODS", "SHAPES", "PointsLayer", "PointsOverlay", "Shape", "SplatMethod"]
 
@@ -136,7 +136,7 @@ class PointsLayer:
 
     def draw(
         self,
-        windows: Windows,
+        windows: QuiltPanels,
         eye_m: Floats,
         room_from_cloud: Floats,
         pairs: NDArray[np.uint32],
@@ -205,7 +205,7 @@ class PointsLayer:
 
     def _write(
         self,
-        windows: Windows,
+        windows: QuiltPanels,
         eye_m: Floats,
         room_from_cloud: Floats,
         pairs: NDArray[np.uint32],

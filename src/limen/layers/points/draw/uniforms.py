@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from limen.geometry import Floats
 from limen.layers.common.lighting import AMBIENT, TOWARD_LIGHT
 from limen.layers.common.panel_uniforms import ways_of_pixels
-from limen.viewing.projection import PanelViews, Windows
+from limen.viewing.projection import PanelProjections, QuiltPanels
 
 __all__ = ["CHUNK_ROW", "CLOUD", "CLOUD_STRIDE", "PLACED", "RAYS", "chunk_row", "cloud_rows", "ray_rows", "stride_of"]
 
@@ -71,7 +71,7 @@ def stride_of(width_px: int) -> int:
     return -(-width_px // 64) * 64
 
 
-def ray_rows(windows: Windows, views: PanelViews) -> Rows:
+def ray_rows(windows: QuiltPanels, views: PanelProjections) -> Rows:
     """Rows of `RAYS`: along which way each pixel sees, and which pixels may be each panel's."""
     rows = np.zeros(len(views.near), RAYS)
     for axis, name in enumerate(("across", "along", "base")):
@@ -88,7 +88,7 @@ def chunk_row(origin: NDArray[np.float32], step: float, radius: float) -> Rows:
 
 
 def cloud_rows(
-    windows: Windows,
+    windows: QuiltPanels,
     way_from_cloud: Floats,
     unit_m: float,
     *,

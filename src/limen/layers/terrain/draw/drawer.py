@@ -31,7 +31,7 @@ from limen.layers.terrain.look import TerrainLook, contour_interval_m
 from limen.layers.terrain.patches import PatchPlaces
 from limen.stream.chunks import Arrival
 from limen.stream.pages import PageSource, PageTable, page_table
-from limen.viewing.projection import Windows
+from limen.viewing.projection import QuiltPanels
 
 __all__ = ["Drape", "Ground", "PageTables", "PanelPatches", "Rims", "TerrainLayer", "TerrainOverlay"]
 
@@ -164,7 +164,7 @@ class TerrainLayer:
 
     def draw(
         self,
-        windows: Windows,
+        windows: QuiltPanels,
         eyes_m: Floats,
         room_from_posts: Floats,
         cut: PanelPatches,
@@ -265,7 +265,7 @@ class TerrainLayer:
         """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
         return self._targets.read(texture)
 
-    def read_depth(self, windows: Windows) -> NDArray[np.float32]:
+    def read_depth(self, windows: QuiltPanels) -> NDArray[np.float32]:
         """The depth of the last draw of a quilt of this size, shape (H, W): 1 is near, 0 nothing; waits."""
         return self._targets.read_depth((windows.quilt.size_px[0] * windows.copies, windows.quilt.size_px[1]))
 
@@ -280,7 +280,7 @@ class TerrainLayer:
     # ------------------------------------------------------------------ steps of a draw
 
     def _write_frame(
-        self, windows: Windows, eyes_m: Floats, room_from_posts: Floats, cut: PanelPatches, allowed_px: Floats,
+        self, windows: QuiltPanels, eyes_m: Floats, room_from_posts: Floats, cut: PanelPatches, allowed_px: Floats,
         look: TerrainLook, tints: NDArray[np.float32] | None,
     ) -> NDArray[np.bool_]:  # fmt: skip
         """Hand over what all fragments of a frame have in common; returns which panels each eye is before, (E, N)."""
@@ -321,7 +321,7 @@ class TerrainLayer:
         return [{"view": view, "clear_value": self._background, "load_op": "clear", "store_op": "store"}]
 
     def _record(
-        self, render_pass: Any, group: Any, windows: Windows, facing: NDArray[np.bool_],
+        self, render_pass: Any, group: Any, windows: QuiltPanels, facing: NDArray[np.bool_],
         pairs: tuple[NDArray[np.int64], ...], places: PatchPlaces, rims: Rims,
     ) -> None:  # fmt: skip
         count = facing.shape[1]

@@ -19,7 +19,7 @@ from limen.layers.common.page_detail import KEPT
 from limen.layers.common.panel_uniforms import ways_of_pixels
 from limen.layers.terrain import look as terrain_look
 from limen.layers.terrain.look import TerrainLook
-from limen.viewing.projection import NEAR_M, PanelViews
+from limen.viewing.projection import NEAR_M, PanelProjections
 
 __all__ = [
     "MOST_LEVELS",
@@ -149,7 +149,7 @@ def nearest_first(
 
 
 def view_rows(
-    views: Sequence[PanelViews],
+    views: Sequence[PanelProjections],
     room_from_posts: Floats,
     origin: Origin,
     allowed_px: Floats,
@@ -190,7 +190,7 @@ def in_strides(rows: Rows) -> NDArray[np.uint8]:
 
 
 def _write_ways(
-    row: Rows, view: PanelViews, posts_from_room: Floats, origin_m: Floats, size_px: tuple[int, int]
+    row: Rows, view: PanelProjections, posts_from_room: Floats, origin_m: Floats, size_px: tuple[int, int]
 ) -> None:
     """What leads back from a pixel and its depth, near / w, to a place: the eye + (way of the pixel) / depth."""
     facing = view.facing
