@@ -14,7 +14,7 @@ from limen.data.store.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.layers.common.page_detail import BLEND_LEVELS, KEPT, reduced_detail
-from limen.layers.image.select import View, levels_at, shares_at, view_of
+from limen.layers.image.select import ImageOnDisplay, levels_at, shares_at, view_of
 from limen.viewing.placement import OnShape, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import Tolerance, tolerance_of
@@ -59,7 +59,7 @@ def _grid(panel: Panel) -> NDArray[np.float64]:
     return np.stack([x, y], axis=-1)
 
 
-def _undecided(view: View, index: int, tolerance: Tolerance) -> NDArray[np.bool_]:
+def _undecided(view: ImageOnDisplay, index: int, tolerance: Tolerance) -> NDArray[np.bool_]:
     """Pixels where as much is finer as coarser, to 4e-3: rounding may decide there which level prevails."""
     finer = shares_at(view, tolerance, index, _grid(view.display.panels[index])).cumsum(axis=0)
     return (np.abs(finer - 0.5) < 4e-3).any(axis=0)

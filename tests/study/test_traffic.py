@@ -11,7 +11,7 @@ from limen.display.display import Display
 from limen.display.grid import Grid, panels_of_grid
 from limen.errors import InputError
 from limen.layers.common.page_detail import BLEND_LEVELS, KEPT
-from limen.layers.image.select import View, select, view_of
+from limen.layers.image.select import ImageOnDisplay, select, view_of
 from limen.study import traffic
 from limen.study.traffic import Report, count_traffic, one_to_one_view, policies_of
 from limen.track.session import Session
@@ -38,7 +38,7 @@ def standing(*viewers: Viewer) -> Session:
     return Session.of("still", "small", 30.0, viewers)
 
 
-def pages_by_hand(view: View, viewers: tuple[Viewer, ...], policy: Policy) -> set[tuple[int, int, int]]:
+def pages_by_hand(view: ImageOnDisplay, viewers: tuple[Viewer, ...], policy: Policy) -> set[tuple[int, int, int]]:
     """Level, column and row of the page under every single pixel."""
     assert view.maps is not None
     tolerance = tolerance_of(viewers, policy)

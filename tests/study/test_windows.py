@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from limen.data.pages import Pyramid
 from limen.display.display import Display, Rect
 from limen.errors import InputError
-from limen.layers.image.select import View, view_of
+from limen.layers.image.select import ImageOnDisplay, view_of
 from limen.study.observer import LEAST_WINDOW_PX, SAMPLES_PER_DEGREE, WINDOW_PX
 from limen.study.windows import Window, choose_windows, cut_display
 from limen.track.session import Session
@@ -23,17 +23,17 @@ from limen.viewing.viewer import Viewer
 
 
 @pytest.fixture(scope="module")
-def view() -> View:
+def view() -> ImageOnDisplay:
     return view_of(Display.preset("reality-deck"), Pyramid.of((9000, 4000)), OnSurface())
 
 
 @pytest.fixture(scope="module")
-def walk(view: View) -> Session:
+def walk(view: ImageOnDisplay) -> Session:
     return make_walk(view.display, 20.0, 5, viewers=2)
 
 
 @pytest.fixture(scope="module")
-def windows(view: View, walk: Session) -> list[Window]:
+def windows(view: ImageOnDisplay, walk: Session) -> list[Window]:
     return choose_windows(view, walk, 60, seed=3)
 
 
@@ -45,7 +45,9 @@ def directions(window: Window, display: Display) -> np.ndarray:
     return np.asarray((points[None] - window.viewers[window.looker].eyes_m[:, None]).reshape(-1, 3))
 
 
-def test_windows_are_on_panels_that_show_the_image_to_someone_before_them(view: View, windows: list[Window]) -> None:
+def test_windows_are_on_panels_that_show_the_image_to_someone_before_them(
+    view: ImageOnDisplay, windows: list[Window]
+) -> None:
     assert view.maps is not None
     for window in windows:
         panel, rect = view.display.panels[window.panel], window.rect_px
@@ -59,7 +61,9 @@ def test_windows_are_on_panels_that_show_the_image_to_someone_before_them(view: 
         assert ((np.array(panel.origin_m) - viewer.eyes_m) @ np.array(panel.normal) < 0).all()
 
 
-def test_windows_are_as_large_as_the_observer_takes_at_their_nearest_point(view: View, windows: list[Window]) -> None:
+def test_windows_are_as_large_as_the_observer_takes_at_their_nearest_point(
+    view: ImageOnDisplay, windows: list[Window]
+) -> None:
     full = 0
     for window in windows:
         nearest = np.linalg.norm(directions(window, view.display), axis=1).min()
@@ -74,7 +78,7 @@ def test_windows_are_as_large_as_the_observer_takes_at_their_nearest_point(view:
     assert full > len(windows) / 2
 
 
-def test_a_seed_repeats_and_another_does_not(view: View, walk: Session, windows: list[Window]) -> None:
+def test_a_seed_repeats_and_another_does_not(view: ImageOnDisplay, walk: Session, windows: list[Window]) -> None:
     assert choose_windows(view, walk, 60, seed=3) == windows
     assert choose_windows(view, walk, 60, seed=4) != windows
     assert {window.looker for window in windows} == {0, 1}
@@ -84,7 +88,7 @@ def test_a_seed_repeats_and_another_does_not(view: View, walk: Session, windows:
 @settings(max_examples=40, deadline=None)
 @given(number=st.integers(0, 59), eccentricity_deg=st.floats(0.5, 60))
 def test_the_gaze_passes_the_window_at_the_angle_asked_for(
-    view: View, windows: list[Window], number: int, eccentricity_deg: float
+    view: ImageOnDisplay, windows: list[Window], number: int, eccentricity_deg: float
 ) -> None:
     window = windows[number]
     viewers = window.gazing(view.display.panels[window.panel], eccentricity_deg)
@@ -100,7 +104,7 @@ def test_the_gaze_passes_the_window_at_the_angle_asked_for(
     assert nearest == pytest.approx(eccentricity_deg, abs=0.02)
 
 
-def test_without_eccentricity_the_looker_looks_at_the_window(view: View, windows: list[Window]) -> None:
+def test_without_eccentricity_the_looker_looks_at_the_window(view: ImageOnDisplay, windows: list[Window]) -> None:
     for window in windows[:10]:
         panel = view.display.panels[window.panel]
         looker = window.gazing(panel, 0.0)[window.looker]
@@ -109,7 +113,7 @@ def test_without_eccentricity_the_looker_looks_at_the_window(view: View, windows
         assert np.array(looker.gaze) @ ahead / np.linalg.norm(ahead) > math.cos(math.radians(0.2))
 
 
-def test_the_cut_display_hangs_and_shows_as_the_whole_does(view: View, windows: list[Window]) -> None:
+def test_the_cut_display_hangs_and_shows_as_the_whole_does(view: ImageOnDisplay, windows: list[Window]) -> None:
     cut = cut_display(view.display, windows)
     part = view_of(cut, view.pyramid, view.placement)
     assert view.maps is not None
@@ -139,7 +143,7 @@ def test_cut_outs_that_are_no_part_of_their_panel(rect: tuple[int, int, int, int
         Display.window((100, 80)).cut_outs([("a", 0, Rect(*rect))])
 
 
-def test_what_has_no_windows(view: View, walk: Session) -> None:
+def test_what_has_no_windows(view: ImageOnDisplay, walk: Session) -> None:
     shape = OnShape("plane", (0, 0, -3), (1, 0, 0), (0, -1, 0), eye_m=(0, 0, 0))
     with pytest.raises(InputError, match="display's surface"):
         choose_windows(view_of(view.display, view.pyramid, shape), walk, 3)

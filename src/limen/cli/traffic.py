@@ -22,7 +22,7 @@ from limen.data.terrain.elevation_type import is_terrain
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.layers.common.page_detail import Detail
-from limen.layers.image.select import View, view_of
+from limen.layers.image.select import ImageOnDisplay, view_of
 from limen.study import traffic as study
 from limen.study.plots import format_of, traffic_plot
 from limen.study.traffic import Report, Row, SessionTraffic
@@ -151,7 +151,7 @@ def _policies(content: str, names: Sequence[str] | None, acuities: Sequence[str]
 
 def _view(
     out: Output, content: str, display: Display, fit: Fit, policies: Sequence[Policy]
-) -> tuple[View, float, Detail | None]:
+) -> tuple[ImageOnDisplay, float, Detail | None]:
     if content == ONE_TO_ONE:
         return study.one_to_one_view(display), study.PAPER_PAGE_BYTES, None
     with open_picture(content) as image:

@@ -23,7 +23,7 @@ from limen.gpu.device import Device, open_device
 from limen.layers.image.draw.drawer import Sampling
 from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.renderer import LOOKAHEAD_S, Renderer, select_ahead
-from limen.layers.image.select import View, select, view_of
+from limen.layers.image.select import ImageOnDisplay, select, view_of
 from limen.stream.chunks import completed
 from limen.stream.pages import PageStream
 from limen.study.bench_lens import LensRow, bench_lens
@@ -70,7 +70,7 @@ class Measured(msgspec.Struct, frozen=True):
         return (self.what, f"{self.value:,.3g}", self.unit)
 
 
-def one_to_one_room() -> View:
+def one_to_one_room() -> ImageOnDisplay:
     """All 416 panels of the Reality Deck, a texel on every pixel."""
     deck = Display.preset("reality-deck")
     return view_of(deck, Pyramid.of(one_to_one_size_px(deck)), OnSurface("one-to-one"))
@@ -151,7 +151,7 @@ class Walk:
     wanted: list[int]
 
 
-def measure_walk(view: View, policy: Policy, seconds: float, ahead_s: float) -> Walk:
+def measure_walk(view: ImageOnDisplay, policy: Policy, seconds: float, ahead_s: float) -> Walk:
     """Select and stream every frame with 64 uploads each, decoding (of blank pages) always done in time."""
     walk = Walk([], [], [], [])
     earlier: tuple[Viewer, ...] = ()

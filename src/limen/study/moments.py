@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from limen.display.display import Display
 from limen.geometry import Floats
 from limen.layers.image.draw.uniforms import level_colours
-from limen.layers.image.select import View, levels_at
+from limen.layers.image.select import ImageOnDisplay, levels_at
 from limen.track.session import Session
 from limen.viewing.tolerance import Tolerance
 from limen.viewing.viewer import Viewer
@@ -69,7 +69,7 @@ def telling_moments(display: Display, shown: NDArray[np.bool_], session: Session
 
 
 def level_tints(
-    view: View, tolerance: Tolerance, cells: tuple[int, int]
+    view: ImageOnDisplay, tolerance: Tolerance, cells: tuple[int, int]
 ) -> tuple[dict[str, NDArray[np.uint8]], NDArray[np.int64]]:
     """The colour of the level drawn, for ``cells`` columns and rows of every panel, and how often each level is drawn.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from limen.geometry import Floats
-from limen.layers.image.select import View
+from limen.layers.image.select import ImageOnDisplay
 from limen.study.resolvable_kernels import sum_demands
 from limen.viewing.tolerance import Tolerance
 from limen.vision.resolution import ECCENTRICITY_PER_DEG
@@ -32,7 +32,7 @@ class Places(NamedTuple):
     most_per_m2: Floats  # (Q,): what pixels and texels hold
 
 
-def places_of(view: View, cell_m: float = 0.1) -> Places:
+def places_of(view: ImageOnDisplay, cell_m: float = 0.1) -> Places:
     """The panels of a view, cut into cells of at most ``cell_m``, at least 4 x 4.
 
     At 0.1 m the sum is within 0.03 % of its limit for a viewer 0.35 m or more from the Reality Deck's walls.

@@ -25,7 +25,7 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.layers.common.page_detail import Detail, contrast_detail
-from limen.layers.image.select import View, flat_pairs, select, view_of
+from limen.layers.image.select import ImageOnDisplay, flat_pairs, select, view_of
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.track.session import Frame, Session
 from limen.viewing.placement import OnShape, OnSurface, one_to_one_size_px
@@ -153,7 +153,7 @@ class Report:
     """The counts of several sessions over one view, for the table, the JSON and the plot."""
 
     content: str
-    view: View
+    view: ImageOnDisplay
     rate_hz: float
     page_bytes: float
     per_node: bool
@@ -188,7 +188,7 @@ def page_bytes_of(image: Image) -> float:
     return float(np.mean(sizes))
 
 
-def one_to_one_view(display: Display) -> View:
+def one_to_one_view(display: Display) -> ImageOnDisplay:
     """A virtual image with a texel on every pixel of a display's whole unrolled surface."""
     return view_of(display, Pyramid.of(one_to_one_size_px(display)), OnSurface("one-to-one"))
 
@@ -229,7 +229,7 @@ def frames_of(sessions: Iterable[Session], rate_hz: float) -> int:
 
 
 def count_traffic(
-    view: View,
+    view: ImageOnDisplay,
     session: Session,
     policies: Sequence[Policy],
     *,
@@ -303,7 +303,7 @@ def _floor_policy(policy: Policy) -> Policy:
 class _Look:
     """Counts one frame: pages of every policy, pages of ``full``, and the floor for every acuity and human eyes."""
 
-    def __init__(self, view: View, policies: Sequence[Policy], per_node: bool, detail: Detail | None) -> None:
+    def __init__(self, view: ImageOnDisplay, policies: Sequence[Policy], per_node: bool, detail: Detail | None) -> None:
         self._view, self._policies = view, policies
         self._faint = view._replace(detail=detail) if detail is not None else view
         self._places = places_of(view)

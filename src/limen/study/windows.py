@@ -11,7 +11,7 @@ from limen.display.display import Display, Rect
 from limen.display.panel import Panel
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3, as_vec3
-from limen.layers.image.select import View
+from limen.layers.image.select import ImageOnDisplay
 from limen.study.observer import LEAST_WINDOW_PX, SAMPLES_PER_DEGREE, WINDOW_PX
 from limen.track.session import Session
 from limen.viewing.viewer import Viewer
@@ -86,7 +86,7 @@ class Window:
         return np.asarray(sight / np.linalg.norm(sight, axis=-1, keepdims=True))
 
 
-def choose_windows(view: View, session: Session, count: int, seed: int = 0) -> list[Window]:
+def choose_windows(view: ImageOnDisplay, session: Session, count: int, seed: int = 0) -> list[Window]:
     """Windows at random instants and places: where the image is shown, on panels that the looker faces.
 
     Raises
@@ -124,7 +124,7 @@ def cut_display(display: Display, windows: list[Window]) -> Display:
     return display.cut_outs([(f"{number}", window.panel, window.rect_px) for number, window in enumerate(windows)])
 
 
-def _shown_px(view: View) -> Floats:
+def _shown_px(view: ImageOnDisplay) -> Floats:
     """Pixels of every panel that show the image: left, top, right, bottom, shape (P, 4)."""
     assert view.maps is not None
     size_px = view.display.arrays.size_px.astype(float)

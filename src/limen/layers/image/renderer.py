@@ -26,7 +26,7 @@ from limen.layers.common.page_detail import Detail
 from limen.layers.image.cut import Cut
 from limen.layers.image.draw.drawer import ImageLayer, Overlay, Sampling, drawable_of
 from limen.layers.image.draw.lens_mesh import Triangles
-from limen.layers.image.select import View, select, view_of
+from limen.layers.image.select import ImageOnDisplay, select, view_of
 from limen.stream.chunks import completed
 from limen.stream.pages import PageStream
 from limen.viewing.lens import Lens
@@ -110,7 +110,7 @@ class Renderer:
         sampling: Sampling = "sharp",
         max_quilt_px: int = _QUILT_PX,
     ) -> None:
-        self.view: View = view_of(display, image.pyramid, placement or OnSurface())
+        self.view: ImageOnDisplay = view_of(display, image.pyramid, placement or OnSurface())
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
         self._pack = partial(pack, display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
         self.quilts = self._pack()
@@ -122,7 +122,7 @@ class Renderer:
             per_frame=uploads_per_frame,
             threads=threads or max(2, os.cpu_count() or 2),
         )
-        self._parts: dict[Quilt, View] = {}
+        self._parts: dict[Quilt, ImageOnDisplay] = {}
         self._contrast = KnownContrast(image)
         self._earlier: tuple[Viewer, ...] = ()
 
@@ -264,7 +264,7 @@ class Renderer:
             scale=self.view.display.scale,
         )
 
-    def _seen_by(self, policy: Policy) -> View:
+    def _seen_by(self, policy: Policy) -> ImageOnDisplay:
         """The image on the display, with what faintness hides where the policy makes use of it."""
         if policy.name != "contrast":
             return self.view
@@ -312,7 +312,7 @@ class LensMoves(NamedTuple):
 
 
 def select_ahead(
-    view: View, policy: Policy, viewers: Sequence[Viewer], earlier: Sequence[Viewer], seconds: float
+    view: ImageOnDisplay, policy: Policy, viewers: Sequence[Viewer], earlier: Sequence[Viewer], seconds: float
 ) -> NDArray[np.int64] | None:
     """Pages for where the viewers will be if they walk on as since the frame before; ``None`` if nobody moves."""
     if seconds <= 0 or len(viewers) != len(earlier):
@@ -327,7 +327,7 @@ def _first_eye(viewers: Sequence[Viewer]) -> tuple[float, float, float] | None:
     return viewers[0].position_m if viewers else None
 
 
-def _active(cut: Cut, view: View) -> int:
+def _active(cut: Cut, view: ImageOnDisplay) -> int:
     """Panels that show something of the image; of one on a shape, all may."""
     if view.maps is None:
         return len(view.display.panels)

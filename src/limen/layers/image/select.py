@@ -32,8 +32,8 @@ from limen.vision.acuity import GAZE_PER_DEG
 from limen.vision.resolution import luminance_scale
 
 __all__ = [
+    "ImageOnDisplay",
     "Pairs",
-    "View",
     "flat_pairs",
     "levels_at",
     "select",
@@ -49,7 +49,7 @@ _TILE_PX = 256
 _KINDS = ("plane", "cylinder", "ellipsoid")
 
 
-class View(NamedTuple):
+class ImageOnDisplay(NamedTuple):
     """An image on a display: all that a selector and a drawing pass need to know of it, fixed while both stay."""
 
     display: Display
@@ -61,7 +61,7 @@ class View(NamedTuple):
     sharpness: Floats  # (P,): angles that stay invisible on each panel, over those under standard light
 
 
-def view_of(display: Display, pyramid: Pyramid, placement: Placement, detail: Detail | None = None) -> View:
+def view_of(display: Display, pyramid: Pyramid, placement: Placement, detail: Detail | None = None) -> ImageOnDisplay:
     """``detail`` tells where finer pages are seen; by default wherever the tolerance is finer than a page's texels."""
     maps, cells = None, None
     if isinstance(placement, OnSurface):
@@ -69,7 +69,7 @@ def view_of(display: Display, pyramid: Pyramid, placement: Placement, detail: De
         reached = lens_cells(display, maps, placement.lenses)
         cells = reached if len(reached.panel) else None
     sharpness = 1 / luminance_scale([panel.luminance_cd_m2 for panel in display.panels])
-    return View(display, pyramid, placement, maps, cells, detail or plain_detail(pyramid), sharpness)
+    return ImageOnDisplay(display, pyramid, placement, maps, cells, detail or plain_detail(pyramid), sharpness)
 
 
 def shape_kind(placement: OnShape) -> int:
@@ -78,7 +78,11 @@ def shape_kind(placement: OnShape) -> int:
 
 
 def select(
-    view: View, tolerance: Tolerance, *, budget: int | None = None, eye_m: tuple[float, float, float] | None = None
+    view: ImageOnDisplay,
+    tolerance: Tolerance,
+    *,
+    budget: int | None = None,
+    eye_m: tuple[float, float, float] | None = None,
 ) -> Cut:
     """The pages that every pixel's level asks for.
 
@@ -108,7 +112,7 @@ def select(
     return replace(cut, bias=bias, denied=len(wanted) - len(cut))
 
 
-def _select_at(view: View, tolerance: Tolerance, bias: int, eye_m: tuple[float, float, float] | None) -> Cut:
+def _select_at(view: ImageOnDisplay, tolerance: Tolerance, bias: int, eye_m: tuple[float, float, float] | None) -> Cut:
     if isinstance(view.placement, OnShape):
         return select_bent(view, tolerance, bias, eye_m)
     return select_flat(view, tolerance, bias)
@@ -122,7 +126,7 @@ class Pairs(NamedTuple):
     area_px: NDArray[np.float64]
 
 
-def flat_pairs(view: View, tolerance: Tolerance, bias: int = 0) -> Pairs:
+def flat_pairs(view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0) -> Pairs:
     """What `select_flat` chooses from, before pages that several panels share are put together."""
     assert view.maps is not None
     maps = view.maps
@@ -138,7 +142,7 @@ def flat_pairs(view: View, tolerance: Tolerance, bias: int = 0) -> Pairs:
         room = count
 
 
-def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
+def select_flat(view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0) -> Cut:
     """`select` for images on the surface: pairs of panel and page by interval tests on rings of distance.
 
     Pairs leave out what is looked at through lenses alone; pages are those of both.
@@ -161,7 +165,7 @@ def select_flat(view: View, tolerance: Tolerance, bias: int = 0) -> Cut:
 
 
 def _add_behind_lenses(
-    view: View, maps: PanelMaps, cells: LensCells, tolerance: Tolerance, bias: int, coverage: Floats
+    view: ImageOnDisplay, maps: PanelMaps, cells: LensCells, tolerance: Tolerance, bias: int, coverage: Floats
 ) -> None:
     assert isinstance(view.placement, OnSurface)
     image_px = np.array(view.pyramid.size_px, dtype=np.int64)
@@ -178,7 +182,7 @@ def _add_behind_lenses(
 
 
 def select_bent(
-    view: View, tolerance: Tolerance, bias: int = 0, eye_m: tuple[float, float, float] | None = None
+    view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0, eye_m: tuple[float, float, float] | None = None
 ) -> Cut:
     """`select` for images on a plane, cylinder or ellipsoid in the room.
 
@@ -214,7 +218,7 @@ def _tiles(size_px: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.column_stack([panel, first, np.minimum(first + _TILE_PX, size_px[panel])])
 
 
-def _panels(origin_m: Floats, view: View) -> kernels.Panels:
+def _panels(origin_m: Floats, view: ImageOnDisplay) -> kernels.Panels:
     arrays = view.display.arrays
     return kernels.Panels(origin_m, arrays.right, arrays.down, arrays.pitch_m, arrays.size_px, view.sharpness)
 
@@ -224,7 +228,7 @@ def _eyes(tolerance: Tolerance) -> kernels.Eyes:
     return kernels.Eyes(tolerance.eyes_m, tolerance.tan_angle, tolerance.gaze, tolerance.slack_deg, per_deg)
 
 
-def _pages(view: View) -> kernels.Pages:
+def _pages(view: ImageOnDisplay) -> kernels.Pages:
     levels = view.pyramid.levels
     return kernels.Pages(
         np.array([level.columns for level in levels], dtype=np.int64),
@@ -236,7 +240,7 @@ def _pages(view: View) -> kernels.Pages:
 
 
 def _cut(
-    view: View,
+    view: ImageOnDisplay,
     pages: NDArray[np.int64],
     importance: NDArray[np.float64],
     panel: NDArray[np.int64],
@@ -249,7 +253,7 @@ def _cut(
     return Cut(pages, importance[order], panel, page, error_px, view.detail)
 
 
-def shares_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> Floats:
+def shares_at(view: ImageOnDisplay, tolerance: Tolerance, panel: int, position_px: Floats) -> Floats:
     """How much of each level is drawn at places of a panel, for an image on the surface: the definition.
 
     Parameters
@@ -274,7 +278,7 @@ def shares_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats)
     return np.where(inside, shares, 0.0)
 
 
-def levels_at(view: View, tolerance: Tolerance, panel: int, position_px: Floats) -> NDArray[np.int64]:
+def levels_at(view: ImageOnDisplay, tolerance: Tolerance, panel: int, position_px: Floats) -> NDArray[np.int64]:
     """The level that prevails at places of a panel: half of what is drawn there is as fine or finer.
 
     For an image on the surface; (..., 2) pixels to (...) levels, -1 outside. For maps of levels and for tests.

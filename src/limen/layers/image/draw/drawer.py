@@ -26,7 +26,7 @@ from limen.layers.common.page_detail import Detail
 from limen.layers.image.cut import Cut
 from limen.layers.image.draw import uniforms as records
 from limen.layers.image.draw.lens_mesh import LensMesh
-from limen.layers.image.select import View
+from limen.layers.image.select import ImageOnDisplay
 from limen.stream.pages import Drawable, PageStream, PageTable, page_table
 from limen.viewing.placement import OnSurface
 from limen.viewing.projection import QuiltPanels
@@ -65,7 +65,7 @@ class Drawn(NamedTuple):
     table: PageTable | None  # for pixels that look pages up
 
 
-def drawable_of(stream: PageStream, view: View, cut: Cut) -> Drawn:
+def drawable_of(stream: PageStream, view: ImageOnDisplay, cut: Cut) -> Drawn:
     """What of a cut is there to be drawn."""
     looked_up = view.maps is None or view.cells is not None
     return Drawn(None if view.maps is None else stream.drawable(cut.pair_page), stream.table() if looked_up else None)
@@ -86,7 +86,7 @@ class ImageLayer:
         GPU; it aliases where a pixel covers nearly two texels.
     """
 
-    def __init__(self, device: Device, view: View, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
+    def __init__(self, device: Device, view: ImageOnDisplay, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
         self._device, self._view, self._pool = device, view, pool
         self._shader = load_shader(device, "limen.layers.image.draw", "lens_split.wgsl")
         kernel = {"KERNEL": _KERNELS[sampling]}
@@ -114,7 +114,7 @@ class ImageLayer:
         self._table_of: PageTable | None = None
         self._detail: Detail | None = None
 
-    def place(self, view: View) -> None:
+    def place(self, view: ImageOnDisplay) -> None:
         """Go on with another view of the same image on the same display (a pan, a zoom or a lens on the surface)."""
         if (view.maps is None) != (self._view.maps is None) or view.pyramid.size_px != self._view.pyramid.size_px:
             raise ValueError("another image, or one on a shape instead of the surface, needs another layer")

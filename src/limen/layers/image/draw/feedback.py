@@ -23,7 +23,7 @@ from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 from limen.layers.image.draw import uniforms as records
-from limen.layers.image.select import View
+from limen.layers.image.select import ImageOnDisplay
 from limen.viewing.tolerance import Tolerance
 
 __all__ = ["Coverage", "Feedback"]
@@ -44,7 +44,7 @@ class Coverage(NamedTuple):
 class Feedback:
     """Counts pages for one image on one display. Results come a frame or more later and are never waited for."""
 
-    def __init__(self, device: Device, view: View) -> None:
+    def __init__(self, device: Device, view: ImageOnDisplay) -> None:
         self._device, self._view = device, view
         self._whole = Quilt((1, 1), tuple(range(len(view.display.panels))), ((0, 0),) * len(view.display.panels))
         storage = wgpu.BufferUsage.STORAGE

@@ -20,7 +20,7 @@ from limen.geometry import Floats, Vec3
 from limen.layers.common.page_detail import BLEND_LEVELS
 from limen.layers.image.cut import Cut
 from limen.layers.image.lens_cells import first_pixel
-from limen.layers.image.select import View, shape_kind
+from limen.layers.image.select import ImageOnDisplay, shape_kind
 from limen.stream.pages import Drawable
 from limen.viewing.lens import rows_of, sharpest_bend
 from limen.viewing.placement import OnShape, PanelMaps
@@ -115,7 +115,9 @@ def level_colours(count: int) -> NDArray[np.float64]:
     return np.array([colorsys.hsv_to_rgb(hue, _SATURATION, 1.0) for hue in hues])
 
 
-def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m: Vec3 | None, **fields: int) -> Rows:
+def frame_row(
+    view: ImageOnDisplay, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m: Vec3 | None, **fields: int
+) -> Rows:
     """One row of `FRAME`; ``fields`` are those that only some passes know."""
     row = np.zeros(1, FRAME)
     row["quilt_px"], row["image_px"] = quilt_px, view.pyramid.size_px
@@ -132,7 +134,7 @@ def frame_row(view: View, quilt_px: tuple[int, int], tolerance: Tolerance, eye_m
     return row
 
 
-def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
+def panel_rows(view: ImageOnDisplay, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
     """Rows of `PANEL`, in the order of the quilt's panels."""
     chosen = list(quilt.panels)
     arrays = view.display.arrays
@@ -161,7 +163,7 @@ def panel_rows(view: View, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
     return rows
 
 
-def lens_rows(view: View, quilt: Quilt) -> tuple[NDArray[np.float32], int]:
+def lens_rows(view: ImageOnDisplay, quilt: Quilt) -> tuple[NDArray[np.float32], int]:
     """The lenses of every panel of a quilt, three rows of four numbers each, then all tables; where these begin.
 
     Foci count from the panel's first page: near it, single precision suffices. Shape (3 * panels * lenses + ..., 4).
@@ -179,7 +181,7 @@ def lens_rows(view: View, quilt: Quilt) -> tuple[NDArray[np.float32], int]:
     return whole.reshape(-1, 4).astype(np.float32), rows.size
 
 
-def eye_rows(view: View, quilt: Quilt, tolerance: Tolerance) -> NDArray[np.float32]:
+def eye_rows(view: ImageOnDisplay, quilt: Quilt, tolerance: Tolerance) -> NDArray[np.float32]:
     """Every eye in the frame of every panel of a quilt, two rows of four numbers each.
 
     Foot point and height (m), pixels per metre of distance; the gaze along right, down and normal, its slack (deg).
@@ -206,7 +208,7 @@ def level_rows(pyramid: Pyramid) -> Rows:
     return rows
 
 
-def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
+def page_quads(view: ImageOnDisplay, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     """Rows of `PAGE_QUAD` for the (panel, page) pairs of a cut that fall into a quilt.
 
     A quad holds the pixels whose centres lie in the page, so neighbours share no pixel and leave none out,
@@ -241,7 +243,9 @@ def page_quads(view: View, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
     return rows[(rows["rect_px"][:, :2] < rows["rect_px"][:, 2:]).all(axis=1)]
 
 
-def _ramps(view: View, cut: Cut, panel: Index, page: Index, level: Index, cell: Index) -> tuple[Floats, Floats]:
+def _ramps(
+    view: ImageOnDisplay, cut: Cut, panel: Index, page: Index, level: Index, cell: Index
+) -> tuple[Floats, Floats]:
     """The tolerances (log2 of texels) between which pages are drawn: their own tau, and their parent's."""
     top = len(view.pyramid.levels) - 1
     inner, parent = level < top, page.copy()
