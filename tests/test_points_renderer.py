@@ -87,7 +87,7 @@ def test_render_and_exhibits_draw_clouds(device: Any) -> None:
     stage = PointsExhibit(CLOUD).on(device, DISPLAY)
     try:
         stage.pose(1.0)
-        _, report = stage.lit_for([VIEWER], overlay=True)
+        _, report = stage.textures([VIEWER], overlay=True)
         assert report.panels_active == 1
         assert "splats" in report.drawn
     finally:

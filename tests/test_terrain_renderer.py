@@ -180,11 +180,11 @@ def test_live_frames_never_wait_and_end_with_the_finished_picture(device: Any, r
     first = made.frame([viewer], Policy(), now_s=0.0)
     assert first.missing > 0
     for number in range(300):
-        textures, report = made.lit_for([viewer], Policy(), now_s=number * 0.01)
+        textures, report = made.textures([viewer], Policy(), now_s=number * 0.01)
         reader.read(textures[0])  # or frames are submitted faster than drawn
         if not report.missing:
             break
-    textures, report = made.lit_for([viewer], Policy(), now_s=number * 0.01 + FADE_S)
+    textures, report = made.textures([viewer], Policy(), now_s=number * 0.01 + FADE_S)
     assert report.missing == 0
     quilt = made.quilts[0]
     from limen.display.quilt import pieces

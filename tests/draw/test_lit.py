@@ -140,7 +140,7 @@ def draw(device: Any) -> Iterator[Draw]:
     """Draws a display that shows its pictures; frees everything afterwards."""
     import wgpu
 
-    from limen.layers.common.simulator import LitDisplay
+    from limen.layers.common.simulator import DisplaySimulator
 
     made: list[Any] = []
 
@@ -161,7 +161,7 @@ def draw(device: Any) -> Iterator[Draw]:
     ) -> Texels:
         quilts = pack(display) if quilts is None else quilts
         textures = [upload(one) for one in (filled(display, quilts) if texels is None else texels)]
-        lit = LitDisplay(device, display, quilts, guard_px=options.pop("guard_px", 0.0))
+        lit = DisplaySimulator(device, display, quilts, guard_px=options.pop("guard_px", 0.0))
         try:
             return lit.read(lit.draw(textures, camera, **options))[..., :3]
         finally:
@@ -424,11 +424,11 @@ def sampled(picture: Texels, place: Floats) -> Floats:
 
 @pytest.mark.gpu
 def test_what_cannot_be_drawn_is_said(device: Any, draw: Draw) -> None:
-    from limen.layers.common.simulator import LitDisplay
+    from limen.layers.common.simulator import DisplaySimulator
 
     display = cube()
     with pytest.raises(ValueError, match="at least one quilt"):
-        LitDisplay(device, display, [])
+        DisplaySimulator(device, display, [])
     with pytest.raises(ValueError, match="as many textures, got 2"):
         draw(display, SCENES["cube from outside"][1], None, filled(display, pack(display)) * 2)
     with pytest.raises(ValueError, match="holds no copy 1"):
@@ -445,7 +445,7 @@ def test_cameras_of_several_sizes_take_turns(device: Any) -> None:
     """Nothing is left of the last picture, and nothing on the adapter afterwards."""
     import wgpu
 
-    from limen.layers.common.simulator import LitDisplay
+    from limen.layers.common.simulator import DisplaySimulator
 
     display = cube()
     quilts = pack(display)
@@ -457,7 +457,7 @@ def test_cameras_of_several_sizes_take_turns(device: Any) -> None:
     device.wgpu.queue.write_texture({"texture": texture}, filled(display, quilts)[0], layout, (*size, 1))
     camera = SCENES["cube from outside"][1]
     before = living()
-    lit = LitDisplay(device, display, quilts)
+    lit = DisplaySimulator(device, display, quilts)
     first = lit.read(lit.draw([texture], camera))
     lit.draw([texture], replace(camera, size_px=(64, 48)))
     lit.draw([texture], replace(camera, target_m=(9.0, 9.0, 9.0)), samples=1)

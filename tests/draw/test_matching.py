@@ -242,7 +242,7 @@ def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> N
 
 def test_a_simulated_display_shows_gain_once_and_falloff_as_the_viewer_gets_it(device: Any) -> None:
     """Seen from where it was drawn for, a white panel is evenly bright: gain times the light at its dimmest corner."""
-    from limen.layers.common.simulator import LitDisplay
+    from limen.layers.common.simulator import DisplaySimulator
     from limen.layers.mesh.draw.drawer import SceneLayer
 
     (quilt,) = pack_outlines(MATCHED_PAIR)
@@ -252,7 +252,7 @@ def test_a_simulated_display_shows_gain_once_and_falloff_as_the_viewer_gets_it(d
     away = np.eye(4)
     away[0, 3] = 99.0  # only the background is seen
     layer.sort(windows, EYE[None], away)
-    lit = LitDisplay(device, MATCHED_PAIR, [quilt], guard_px=windows.guard_px)
+    lit = DisplaySimulator(device, MATCHED_PAIR, [quilt], guard_px=windows.guard_px)
     middle = MATCHED_PAIR.panels[1].outline_m.mean(axis=0)
     camera = Camera(tuple(EYE.tolist()), tuple((middle - EYE).tolist()), (64, 64), 8.0)
     seen = linear_of_srgb(lit.read(lit.draw([layer.draw(windows)], camera))[..., :3] / 255)

@@ -338,7 +338,7 @@ def halved(image: NDArray[np.uint8], factor: int) -> NDArray[np.float64]:
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "cave"])
 def test_the_eye_sees_the_scene_as_if_the_display_were_not_there(device: Any, name: str) -> None:
     """Through the lit display against a picture drawn from the eye directly, inside panels and along their borders."""
-    from limen.layers.common.simulator import LitDisplay
+    from limen.layers.common.simulator import DisplaySimulator
     from limen.layers.mesh.draw.drawer import SceneLayer
     from limen.viewing.camera import Camera
 
@@ -350,7 +350,7 @@ def test_the_eye_sees_the_scene_as_if_the_display_were_not_there(device: Any, na
     quilt = quilt_of(display)
     windows = QuiltPanels(display, quilt)
     layer.sort(windows, np.array(eye), NOWHERE)
-    lit = LitDisplay(device, display, [quilt], guard_px=GUARD_PX)
+    lit = DisplaySimulator(device, display, [quilt], guard_px=GUARD_PX)
     camera = Camera(eye, target, (size, size), fov)
     through = lit.read(lit.draw([layer.draw(windows)], camera, samples=4, uneven=False))[..., :3] / 255.0
     lit.destroy()

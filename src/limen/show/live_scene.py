@@ -13,7 +13,7 @@ from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3, as_vec3
 from limen.gpu.device import Device, open_device
-from limen.layers.common.simulator import LitDisplay
+from limen.layers.common.simulator import DisplaySimulator
 from limen.show.live import Tour
 from limen.show.stage import Exhibit, Shown, Stage, Turn
 from limen.show.window import Surface, open_canvas, run_together
@@ -85,7 +85,7 @@ class LiveScene:
         self._yaw_deg = self._pitch_deg = 0.0
         self._nearer = 1.0
         self._stage: Stage | None = None
-        self._lit: LitDisplay | None = None
+        self._lit: DisplaySimulator | None = None
         self._size_px = (0, 0)
         self._dragging_from: tuple[float, float] | None = None
         self._clock_s, self._last_s, self._paused = 0.0, 0.0, False
@@ -153,7 +153,7 @@ class LiveScene:
         display = self._simulated or Display.window(size_px)
         self._stage = self._exhibit.on(self._device, display)
         if self._simulated is not None:
-            self._lit = LitDisplay(self._device, display, self._stage.quilts, guard_px=self._stage.guard_px)
+            self._lit = DisplaySimulator(self._device, display, self._stage.quilts, guard_px=self._stage.guard_px)
 
     def _draw_window(self, stage: Stage, surface: Surface) -> None:
         """The window is the display: what is behind it is turned by dragging."""
@@ -171,7 +171,7 @@ class LiveScene:
         assert self._lit is not None
         stage.pose(self._clock_s, paused=self._paused)
         viewers = self._viewers()
-        textures, self.last = stage.lit_for(viewers, overlay=self._overlay)
+        textures, self.last = stage.textures(viewers, overlay=self._overlay)
         viewer = viewers[0]
         camera = eye_camera(display, np.array(viewer.position_m), surface.size_px, viewer.direction)
         if isinstance(self._tour, Viewer) and self._nearer != 1:  # or whoever comes nearer would be shown less

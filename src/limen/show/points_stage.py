@@ -95,8 +95,8 @@ class PointsStage:
             target_format=target_format,
         )  # fmt: skip
 
-    def lit_for(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], PointsReport]:
-        return self._renderer.lit_for(viewers, self._exhibit.policy, overlay=self._overlay(overlay))
+    def textures(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], PointsReport]:
+        return self._renderer.textures(viewers, self._exhibit.policy, overlay=self._overlay(overlay))
 
     def close(self) -> None:
         self._renderer.close()

@@ -87,7 +87,7 @@ class Stage(Protocol):
         """Draw one quilt into a texture view of its size."""
         ...
 
-    def lit_for(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], Shown]:
+    def textures(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], Shown]:
         """The textures of all quilts; valid until the next frame."""
         ...
 
@@ -213,8 +213,8 @@ class MeshStage:
             viewers, quilt=quilt, overlay=self._overlay if overlay else None, target=target, target_format=target_format
         )
 
-    def lit_for(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], SceneReport]:
-        return self._renderer.lit_for(viewers, overlay=self._overlay if overlay else None)
+    def textures(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], SceneReport]:
+        return self._renderer.textures(viewers, overlay=self._overlay if overlay else None)
 
     def close(self) -> None:
         self._renderer.close()

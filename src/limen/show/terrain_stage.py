@@ -88,8 +88,8 @@ class TerrainStage:
             overlay=self._overlay(overlay), target=target, target_format=target_format,
         )  # fmt: skip
 
-    def lit_for(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], TerrainReport]:
-        return self._renderer.lit_for(
+    def textures(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], TerrainReport]:
+        return self._renderer.textures(
             viewers,
             self._exhibit.policy,
             pointers=self._exhibit.pointers(viewers[0].time_s),

@@ -27,7 +27,7 @@ from limen.gpu.shader import load_shader
 from limen.layers.common.simulator_uniforms import PanelRows, frame_rows
 from limen.viewing.camera import Camera
 
-__all__ = ["LitDisplay"]
+__all__ = ["DisplaySimulator"]
 
 _LIGHT_FORMAT = "rgba16float"
 _DEPTH_FORMAT = "depth32float"
@@ -38,7 +38,7 @@ _FRAME_BYTES = 256  # one row of the uniform buffer, as dynamic offsets want it
 _ADD = {"src_factor": "one", "dst_factor": "one", "operation": "add"}
 
 
-class LitDisplay:
+class DisplaySimulator:
     """A display whose panels show parts of quilts, for cameras anywhere in the room.
 
     Parameters

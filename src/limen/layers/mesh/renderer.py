@@ -25,7 +25,7 @@ from limen.gpu.device import Device
 from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.common.frame_time import FrameTimeBudget
 from limen.layers.common.room_placement import mesh_in_room
-from limen.layers.common.simulator import LitDisplay
+from limen.layers.common.simulator import DisplaySimulator
 from limen.layers.common.stereo import Anaglyph
 from limen.layers.mesh.draw.drawer import SceneLayer, SceneOverlay
 from limen.layers.mesh.draw.folded import fold_colours, mesh_of_nodes
@@ -265,14 +265,14 @@ class SceneRenderer:
         InputError
             For two eyes side by side or after each other, which no one camera sees.
         """
-        textures, _ = self.lit_for(viewers, overlay=overlay)
-        lit = LitDisplay(self._device, self.display, self.quilts, guard_px=self.guard_px)
+        textures, _ = self.textures(viewers, overlay=overlay)
+        lit = DisplaySimulator(self._device, self.display, self.quilts, guard_px=self.guard_px)
         try:
             return [lit.read(lit.draw(textures, camera)) for camera in cameras]
         finally:
             lit.destroy()
 
-    def lit_for(self, viewers: Viewers, *, overlay: SceneOverlay | None = None) -> tuple[list[Any], SceneReport]:
+    def textures(self, viewers: Viewers, *, overlay: SceneOverlay | None = None) -> tuple[list[Any], SceneReport]:
         """The textures of all quilts as they are lit for a viewer; valid until the next frame.
 
         Raises

@@ -25,7 +25,7 @@ from limen.gpu.device import Device
 from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.common.frame_time import FrameTimeBudget
 from limen.layers.common.room_placement import mesh_in_room
-from limen.layers.common.simulator import LitDisplay
+from limen.layers.common.simulator import DisplaySimulator
 from limen.layers.points.draw.drawer import PointsLayer, PointsOverlay, Shape, SplatMethod
 from limen.layers.points.select import PointCut, PointsRequest, PointTree, select_points
 from limen.layers.points.stream import CHUNK_BYTES, PointStream
@@ -194,7 +194,7 @@ class PointsRenderer:
         drawn = [self._draw(each, viewers, policy, overlay, target, target_format) for each in chosen]
         return PointsReport.of([replace(report, stream_ms=streamed_s * 1e3 / len(drawn)) for _, report in drawn])
 
-    def lit_for(
+    def textures(
         self, viewers: Sequence[Viewer], policy: Policy, *, overlay: PointsOverlay | None = None
     ) -> tuple[list[Any], PointsReport]:
         """The textures of all quilts as they are lit live; valid until the next frame."""
@@ -233,7 +233,7 @@ class PointsRenderer:
     ) -> list[NDArray[np.uint8]]:
         """What cameras in the room see of the lit display: uint8 (H, W, 4), sRGB, each."""
         textures = [self._complete(quilt, viewers, policy, overlay, slot)[0] for slot, quilt in enumerate(self.quilts)]
-        lit = LitDisplay(self._device, self.display, self.quilts, guard_px=self.guard_px)
+        lit = DisplaySimulator(self._device, self.display, self.quilts, guard_px=self.guard_px)
         try:
             return [lit.read(lit.draw(textures, camera)) for camera in cameras]
         finally:

@@ -22,7 +22,7 @@ from limen.geometry import Vec3
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.layers.common.known_contrast import KnownContrast
-from limen.layers.common.simulator import LitDisplay
+from limen.layers.common.simulator import DisplaySimulator
 from limen.layers.terrain.draw.drawer import Rims, TerrainOverlay
 from limen.layers.terrain.look import TerrainLook, panel_tints
 from limen.layers.terrain.resources import GPU_BYTES, Draped, TerrainStock, Wishes
@@ -240,13 +240,13 @@ class TerrainRenderer:
         """What cameras in the room see of the lit display: uint8 (H, W, 4), sRGB, each."""
         asked = self._asked(viewers, policy, pointers, overlay)
         textures = [self._complete(quilt, asked, slot=slot)[0] for slot, quilt in enumerate(self.quilts)]
-        lit = LitDisplay(self._device, self.display, self.quilts, guard_px=self.guard_px)
+        lit = DisplaySimulator(self._device, self.display, self.quilts, guard_px=self.guard_px)
         try:
             return [lit.read(lit.draw(textures, camera)) for camera in cameras]
         finally:
             lit.destroy()
 
-    def lit_for(
+    def textures(
         self,
         viewers: Sequence[Viewer],
         policy: Policy,
