@@ -202,7 +202,7 @@ TRIES: dict[str, Try] = {
     "--policy": Try(("--policy", "contrast")),
     "--acuity-arcmin": Try(("--acuity-arcmin", "2"), ("--policy", "contrast")),
     "--fit": Try(("--fit", "cover")),
-    "--most-triangles": Try(("--most-triangles", "500")),
+    "--max-triangles": Try(("--max-triangles", "500")),
     "--frames": Try(("--frames", "2")),
     "--scale": Try(("--scale", "0.5")),
     "--format": Try(("--format", "png")),

@@ -278,7 +278,7 @@ def test_little_memory_draws_coarser_and_says_so(renderer: Any, monkeypatch: pyt
 def test_a_budget_of_triangles_is_kept_and_costs_error(renderer: Any) -> None:
     free = drawn(renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0)), [Viewer((0.0, 1.2, 0.0))], "full")[1]
     budget = free.triangles // 4
-    made = renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0), most_triangles=budget)
+    made = renderer(display=MONITOR, reference_m=(0.0, 1.2, 0.0), max_triangles=budget)
     tight = drawn(made, [Viewer((0.0, 1.2, 0.0))], "full")[1]
     assert tight.triangles < 1.3 * budget  # before the fans along borders
     assert tight.max_error_px > free.max_error_px

@@ -111,7 +111,7 @@ def test_scheels_formula():
 
 def test_policies_that_spend_a_number_of_items_say_how_many():
     policy = Policy.parse("budget+gaze:29866", "snellen")
-    assert policy == Policy("budget", 1.0, gaze=True, most_items=29866) == Policy.parse("budget+gaze", 1.0, 29866)
+    assert policy == Policy("budget", 1.0, gaze=True, max_items=29866) == Policy.parse("budget+gaze", 1.0, 29866)
     assert policy.label == "budget+gaze:29866 1'"
     assert Policy.parse("size:5").label == Policy.parse("size:5").title == "size:5"
     assert policy.eyesight == Policy("contrast", 1.0, gaze=True)
@@ -141,7 +141,7 @@ def test_a_number_of_items_is_for_meshes_and_points():
     with pytest.raises(InputError, match="images and terrains take full"):
         tolerance_of([limen.Viewer((0, 0, 0))], Policy.parse("budget:100"))
     with pytest.raises(InputError, match="take budget for that"):
-        Policy("acuity", most_items=5)
+        Policy("acuity", max_items=5)
 
 
 def test_what_passes_is_allowed_more_by_its_own_velocity():

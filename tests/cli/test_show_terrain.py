@@ -125,11 +125,11 @@ def test_a_budget_of_triangles_is_kept_and_costs_error(
     land: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("show", land, "--out", tmp_path, "--scale", "0.2", "--policy", "full")
-    (free,), (tight,) = (result(capsys, *words, *more)["frames"] for more in ((), ("--most-triangles", 500)))
+    (free,), (tight,) = (result(capsys, *words, *more)["frames"] for more in ((), ("--max-triangles", 500)))
     assert tight["triangles"] < 1000 < free["triangles"]  # fans along borders come on top of the budget
     assert tight["max_error_px"] > free["max_error_px"]
     counted = result(capsys, "traffic", land, "--display", "rostock", "--session", "A", "--rate-hz", "0.05",
-                     "--policy", "acuity", "--most-triangles", "5000")  # fmt: skip
+                     "--policy", "acuity", "--max-triangles", "5000")  # fmt: skip
     assert counted["sessions"][0]["rows"][0]["triangles_p99"] <= 5000
 
 
@@ -153,11 +153,11 @@ def test_a_budget_of_triangles_is_kept_and_costs_error(
             "leave out --fit, which is for images",
         ),
         (
-            ("traffic", "one-to-one", "--display", "rostock", "--most-triangles", "9"),
-            "leave out --most-triangles, which is for terrains",
+            ("traffic", "one-to-one", "--display", "rostock", "--max-triangles", "9"),
+            "leave out --max-triangles, which is for terrains",
         ),
         (("show", "LAND", "--fit", "contain"), "this content is a terrain: leave out --fit"),
-        (("show", "LAND", "--most-triangles", "0"), "most_triangles must be at least 1"),
+        (("show", "LAND", "--max-triangles", "0"), "max_triangles must be at least 1"),
         (("show", "LAND", "--drape", "LAND"), "is a terrain, and an image is wanted here"),
         (("demo", "--content", "LAND"), "is a terrain, and an image is wanted here"),
         (("demo", "--content", "DEM"), "is a terrain, and an image is wanted here"),

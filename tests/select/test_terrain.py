@@ -285,7 +285,7 @@ def test_a_budget_is_kept_by_larger_errors(seed: int, allowed: Floats, share: fl
     coarsest = cut_of(seed, np.full(2, 1e30), mode=mode)[3].triangles
     most = max(int(free.triangles * share), coarsest)
     assume(0 < most < free.triangles)
-    cut = cut_of(seed, allowed, mode=mode, most_triangles=most)[3]
+    cut = cut_of(seed, allowed, mode=mode, max_triangles=most)[3]
     assert cut.triangles <= most
     assert cut.bias_octaves > 0
     assert free.bias_octaves == 0
@@ -300,7 +300,7 @@ def test_zero_error_is_every_post_and_still_has_a_budget() -> None:
     _, patches, _, exact = cut_of(4, np.zeros(2))
     assert len(exact)
     assert (patches.error_m[exact.pair_patch] == 0).all()
-    cut = cut_of(4, np.zeros(2), most_triangles=exact.triangles // 2)[3]
+    cut = cut_of(4, np.zeros(2), max_triangles=exact.triangles // 2)[3]
     assert 0 < cut.triangles <= exact.triangles // 2
 
 
@@ -312,7 +312,7 @@ def test_zero_error_is_every_post_and_still_has_a_budget() -> None:
         ({"allowed_px": np.array([1.0, np.nan])}, "must not be negative, and be a number"),
         ({"mode": "both"}, "adaptive, level"),
         ({"available": np.ones(3, bool)}, "available must tell of"),
-        ({"most_triangles": 0}, "at least 1"),
+        ({"max_triangles": 0}, "at least 1"),
         ({"room_from_posts": np.eye(3)}, "shape"),
         ({"room_from_posts": np.eye(4) + np.eye(4, k=1)}, "right angles"),
         ({"room_from_posts": np.diag([1.0, 1, 0, 1])}, "spacings above 0"),

@@ -89,7 +89,7 @@ SHOW: dict[str, Heard] = {
     "--policy": Heard(),
     "--acuity-arcmin": Heard(),
     "--fit": _IMAGE,
-    "--most-triangles": _TERRAIN,
+    "--max-triangles": _TERRAIN,
     "--overlay": Heard(),
     "--out": Heard(ways=("files",)),
     "--frames": Heard(ways=("files",)),
@@ -126,7 +126,7 @@ _NOT_COUNTED = Heard((), unless="it changes no number of triangles or pages")
 TRAFFIC: dict[str, Heard] = {
     **dict.fromkeys(("--display", "--panels", "--session", "--policy", "--acuity-arcmin", "--rate-hz"), _COUNTED),
     "--fit": _IMAGE,
-    "--most-triangles": _TERRAIN,
+    "--max-triangles": _TERRAIN,
     "--per-node": _PAGES,
     "--plot": _PAGES,
     **dict.fromkeys(_LOOKED_AT, _TERRAIN),

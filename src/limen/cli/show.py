@@ -46,7 +46,7 @@ def show(
     fit: Annotated[
         Fit | None, Parameter(help="How an image lies on the unrolled surface: contain if not given.")
     ] = None,
-    most_triangles: TrianglesOption | None = None,
+    max_triangles: TrianglesOption | None = None,
     overlay: Annotated[
         Overlays,
         Parameter(
@@ -79,5 +79,5 @@ def show(
     lenses.check(in_files=way == "files")
     from limen.cli.show_content import Wishes, show_content  # renderers, which no help text needs
 
-    wishes = Wishes(policy, acuity_arcmin, fit, most_triangles, mesh, terrain, points, lenses)
+    wishes = Wishes(policy, acuity_arcmin, fit, max_triangles, mesh, terrain, points, lenses)
     show_content(Output(common), content, asked, wishes, given, out)

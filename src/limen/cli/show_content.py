@@ -50,7 +50,7 @@ class Wishes(NamedTuple):
     policy: str
     acuity_arcmin: str
     fit: Fit | None
-    most_triangles: int | None
+    max_triangles: int | None
     mesh: MeshOptions
     terrain: TerrainOptions
     points: PointsOptions
@@ -112,7 +112,7 @@ def _draw(
     else:
         land = cast("Terrain", opened)
         draped = stack.enter_context(wishes.terrain.draped(land))
-        exhibit = _exhibit(land, asked, wishes.terrain, wishes.most_triangles, policy, draped)
+        exhibit = _exhibit(land, asked, wishes.terrain, wishes.max_triangles, policy, draped)
         _show_terrain(exhibit, asked, folder, out)
 
 
@@ -183,13 +183,13 @@ def _scene_overlay(asked: Asked, simplified: Simplified | None) -> SceneOverlay 
 
 
 def _exhibit(
-    content: Terrain, asked: Asked, options: TerrainOptions, most_triangles: int | None, policy: Policy,
+    content: Terrain, asked: Asked, options: TerrainOptions, max_triangles: int | None, policy: Policy,
     draped: Draped | None,
 ) -> TerrainExhibit:  # fmt: skip
     reference_m = standing_viewer(asked.whole).position_m if asked.whole else (0.0, 0.0, 0.0)
     overlay: TerrainOverlay = "patches" if asked.overlay == "patches" else "panels"
     return TerrainExhibit(
-        content, options.look(), options.settings(most_triangles), policy, reference_m, asked.whole, draped,
+        content, options.look(), options.settings(max_triangles), policy, reference_m, asked.whole, draped,
         asked.pointers(), overlay,
     )  # fmt: skip
 

@@ -53,7 +53,7 @@ def traffic(
     acuity_arcmin: _Words | None = None,
     rate_hz: float = 30.0,
     fit: Fit | None = None,
-    most_triangles: int | None = None,
+    max_triangles: int | None = None,
     per_node: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     terrain: TerrainOptions = TERRAIN_DEFAULT,
@@ -86,7 +86,7 @@ def traffic(
         Frames of the session to look at, per second.
     fit
         How an image file lies on the display: contain (the default), cover, one-to-one.
-    most_triangles
+    max_triangles
         Of a terrain: a budget. Where a frame would want more of them, all errors grow.
     per_node
         Count a page once for every node that shows it, instead of once for the wall.
@@ -110,7 +110,7 @@ def traffic(
         chosen = study.policies_of(
             policy or ["full", "scheel", "acuity", "acuity+gaze"], acuity_arcmin or [HUMAN_ARCMIN]
         )
-        terrain_traffic(out, content, whole, part, sessions, chosen, terrain, most_triangles, rate_hz)
+        terrain_traffic(out, content, whole, part, sessions, chosen, terrain, max_triangles, rate_hz)
         return
     if kind in ("mesh", "points"):
         opened = opened_content(out, content)

@@ -27,7 +27,7 @@ def terrain_traffic(
     sessions: Sequence[Session],
     policies: Sequence[Policy],
     options: TerrainOptions,
-    most_triangles: int | None,
+    max_triangles: int | None,
     rate_hz: float,
 ) -> None:
     """Count and print."""
@@ -36,7 +36,7 @@ def terrain_traffic(
     drape = _drape(out, terrain, part, options, faint=any(policy.name == "contrast" for policy in policies))
     with out.progress("counting triangles", frames_of(sessions, rate_hz)) as step:
         traffic = count_terrain_traffic(
-            terrain, part, sessions, policies, options.settings(most_triangles), whole=whole, drape=drape,
+            terrain, part, sessions, policies, options.settings(max_triangles), whole=whole, drape=drape,
             reference_m=standing_viewer(whole).position_m, rate_hz=rate_hz, advance=lambda: step(1),
         )  # fmt: skip
     out.result(traffic)

@@ -180,7 +180,7 @@ def _cuts(name: str, mesh: Mesh, foldable: FoldTree, most: int, frames: int) -> 
     scene = _Scene.of(mesh, frames)
     views = QuiltPanels(scene.display, pack(scene.display)[0]).seen_from(scene.viewer.eyes_m[0])
     whites = [panel.luminance_cd_m2 for panel in scene.display.panels]
-    for policy in (Policy("contrast"), Policy("contrast", gaze=True), Policy("budget", most_items=most)):
+    for policy in (Policy("contrast"), Policy("contrast", gaze=True), Policy("budget", max_items=most)):
         tolerance = tolerance_of([scene.viewer], policy.eyesight)
         spent = []
         for pose in [scene.poses[0], *scene.poses]:  # the first also compiles
@@ -199,7 +199,7 @@ def _judged(
 ) -> tuple[list[PeerRow], Seen]:
     """The observer's verdict on the same windows of every way's pictures, and outlines that differ."""
     scene, observer = _Scene.of(mesh, views), Observer()
-    budget = Simplified(foldable, Policy("budget", most_items=most))
+    budget = Simplified(foldable, Policy("budget", max_items=most))
     with contextlib.ExitStack() as held:
         renderers = {
             maker: held.enter_context(SceneRenderer(device, scene.display, shown, simplified=simplified))

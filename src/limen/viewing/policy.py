@@ -49,9 +49,9 @@ class Policy:
     distance_factor
         How many times farther away the viewers are taken to be than they are: 1 is the truth, more is for studies
         that look for the place where an omission becomes visible.
-    most_items
+    max_items
         How many triangles or splats a policy of `COUNTED` may spend.
-    most_ms
+    max_ms
         Or how long a frame of the policy ``budget`` may take: renderers find out how many that are.
     motion
         Whether detail may fall off with the velocity at which it passes an eye that follows it.
@@ -62,8 +62,8 @@ class Policy:
     gaze: bool = False
     distance_factor: float = 1.0
     head_slack_deg: float = HEAD_SLACK_DEG
-    most_items: int | None = None
-    most_ms: float | None = None
+    max_items: int | None = None
+    max_ms: float | None = None
     motion: bool = False
 
     def __post_init__(self) -> None:
@@ -76,31 +76,31 @@ class Policy:
 
     def _check_count(self) -> None:
         if self.name not in COUNTED:
-            if self.most_items is not None or self.most_ms is not None:
+            if self.max_items is not None or self.max_ms is not None:
                 raise InputError(
                     f"the policy {self.name} spends no number of triangles or splats: take budget for that"
                 )
-        elif self.most_ms is not None:
-            if self.name != "budget" or self.most_items is not None:
+        elif self.max_ms is not None:
+            if self.name != "budget" or self.max_items is not None:
                 raise InputError("only the policy budget spends a time, and then no number: say budget:12ms")
-            if not 0 < self.most_ms < math.inf:
-                raise InputError(f"a frame must be let take more than 0 ms, got {self.most_ms:g}")
-        elif self.most_items is None:
+            if not 0 < self.max_ms < math.inf:
+                raise InputError(f"a frame must be let take more than 0 ms, got {self.max_ms:g}")
+        elif self.max_items is None:
             raise InputError(f"how many triangles or splats may the policy {self.name} spend? Say {self.name}:30000")
-        elif self.most_items < 1:
-            raise InputError(f"the policy {self.name} must be let spend at least 1, got {self.most_items}")
+        elif self.max_items < 1:
+            raise InputError(f"the policy {self.name} must be let spend at least 1, got {self.max_items}")
 
     @classmethod
-    def parse(cls, text: str, acuity_arcmin: str | float = HUMAN_ARCMIN, most_items: int | None = None) -> Policy:
+    def parse(cls, text: str, acuity_arcmin: str | float = HUMAN_ARCMIN, max_items: int | None = None) -> Policy:
         """A policy by name, with ``+gaze`` appended or not; ``snellen`` is short for ``acuity`` at one arcminute.
 
-        What `COUNTED` policies may spend follows a colon, or is ``most_items``; of ``budget``, also milliseconds.
+        What `COUNTED` policies may spend follows a colon, or is ``max_items``; of ``budget``, also milliseconds.
 
         >>> Policy.parse("acuity+gaze", "snellen").label
         "acuity+gaze 1'"
-        >>> Policy.parse("budget+gaze:30000").most_items
+        >>> Policy.parse("budget+gaze:30000").max_items
         30000
-        >>> Policy.parse("budget:12.5ms").most_ms
+        >>> Policy.parse("budget:12.5ms").max_ms
         12.5
 
         Raises
@@ -111,22 +111,22 @@ class Policy:
         named, colon, count = text.partition(":")
         base, *more = named.split("+")
         gaze, motion = GAZE[1:] in more, MOTION[1:] in more
-        most_ms = None
+        max_ms = None
         if colon:
-            most_ms = _milliseconds(count)
-            if base not in COUNTED or (most_ms is None and not count.isdecimal()):
+            max_ms = _milliseconds(count)
+            if base not in COUNTED or (max_ms is None and not count.isdecimal()):
                 raise InputError(
                     f"'{text}' is no policy: a number follows budget or size alone, as in budget:30000 or budget:12ms"
                 )
-            most_items = int(count) if most_ms is None else None
+            max_items = int(count) if max_ms is None else None
         match base:
             case _ if len(more) > gaze + motion:
                 pass
             case "budget":
                 acuity = acuity_from(acuity_arcmin)
-                return cls(base, acuity, gaze, most_items=most_items, most_ms=most_ms, motion=motion)
+                return cls(base, acuity, gaze, max_items=max_items, max_ms=max_ms, motion=motion)
             case "size" if not more:
-                return cls(base, most_items=most_items, most_ms=most_ms)
+                return cls(base, max_items=max_items, max_ms=max_ms)
             case "full" | "scheel" if not more:
                 return cls(base)
             case "acuity" | "contrast":
@@ -147,19 +147,19 @@ class Policy:
         InputError
             If it spends a time: how much fits one is found from frame to frame.
         """
-        if self.most_ms is not None:
+        if self.max_ms is not None:
             raise InputError(f"the policy {self.title} is for what is shown live: give a number here, as budget:30000")
         return self
 
     @property
     def eyesight(self) -> Policy:
         """The policy that says what viewers see, where this one spends a number of items by it; else itself."""
-        return replace(self, name="contrast", most_items=None, most_ms=None) if self.name in COUNTED else self
+        return replace(self, name="contrast", max_items=None, max_ms=None) if self.name in COUNTED else self
 
     @property
     def title(self) -> str:
         """The name as people type it, without the acuity."""
-        spent = f":{self.most_items}" if self.most_ms is None else f":{self.most_ms:g}ms"
+        spent = f":{self.max_items}" if self.max_ms is None else f":{self.max_ms:g}ms"
         return self.name + GAZE * self.gaze + MOTION * self.motion + (spent if self.name in COUNTED else "")
 
     @property

@@ -62,12 +62,12 @@ class TerrainOptions:
     sun_azimuth_deg: Annotated[float, Parameter(allow_leading_hyphen=True, help="Clockwise from north.")] = 315.0
     sun_altitude_deg: Annotated[float, Parameter(help="Above the horizon.")] = 45.0
 
-    def settings(self, most_triangles: int | None) -> TerrainSettings:
+    def settings(self, max_triangles: int | None) -> TerrainSettings:
         """From where it is looked at, and how detail is chosen; raises InputError for what cannot be."""
         from limen.layers.terrain.selector import TerrainSettings
 
         look_at = LookAt(_pair(self.target), self.heading_deg, self.pitch_deg, self.range_m, self.exaggeration)
-        return TerrainSettings(look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg, most_triangles)
+        return TerrainSettings(look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg, max_triangles)
 
     def look(self) -> TerrainLook:
         """Its colours and light; raises InputError for what cannot be."""

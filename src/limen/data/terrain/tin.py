@@ -122,10 +122,10 @@ class _Run:
     def _make_room(self, vertices: int) -> None:
         """For this many more vertices, and at least half as much again."""
         triangles, points = len(self.mesh.worst), len(self.mesh.points)
-        most_triangles, most_points = (limit + 4 for limit in self.limits)
+        max_triangles, most_points = (limit + 4 for limit in self.limits)
         triangles = max(triangles * 3 // 2, int(self.mesh.counts[TRIANGLES]) + 2 * vertices + 2)
         points = max(points * 3 // 2, int(self.mesh.counts[VERTICES]) + vertices)
-        self.mesh = _grown(self.mesh, min(triangles, most_triangles), min(points, most_points))
+        self.mesh = _grown(self.mesh, min(triangles, max_triangles), min(points, most_points))
 
     def seed(self, posts: NDArray[np.int32]) -> None:
         done = 0

@@ -42,19 +42,19 @@ class FrameTimeBudget:
 
     def within(self, policy: Policy) -> Policy:
         """The policy with a number of items in place of a time; any other as it is."""
-        if policy.most_ms is None:
+        if policy.max_ms is None:
             return policy
-        if policy.most_ms != self._most_ms:
-            self._most_ms = policy.most_ms
+        if policy.max_ms != self._most_ms:
+            self._most_ms = policy.max_ms
             self._per_item_ms.clear()
-        return replace(policy, most_ms=None, most_items=round(self._items))
+        return replace(policy, max_ms=None, max_items=round(self._items))
 
     def spent(self, policy: Policy, ms: float) -> None:
         """What drawing a part took from choosing to the last pixel, milliseconds, with the number last given."""
-        if policy.most_ms is None or not ms > 0:
+        if policy.max_ms is None or not ms > 0:
             return
         self._per_item_ms.append(ms / self._items)
         usual_ms = statistics.median(self._per_item_ms) * self._items
-        ratio = policy.most_ms / self._parts / usual_ms
+        ratio = policy.max_ms / self._parts / usual_ms
         if abs(ratio - 1) > _DEAD:
             self._items = max(self._items * min(max(ratio**_GAIN, 1 / _STEP), _STEP), _LEAST)

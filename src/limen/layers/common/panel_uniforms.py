@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from limen.geometry import Floats
 from limen.viewing.projection import PanelProjections
 
-__all__ = ["MOST_EYES", "PANEL_VIEW", "Rows", "view_rows", "ways_of_pixels"]
+__all__ = ["MAX_EYES", "PANEL_VIEW", "Rows", "view_rows", "ways_of_pixels"]
 
 Rows: TypeAlias = NDArray[np.void]
 
-MOST_EYES = 2
+MAX_EYES = 2
 
 PANEL_VIEW = np.dtype(
     [

@@ -334,7 +334,7 @@ class SceneRenderer:
         )
         if self._anaglyph is not None:
             texture = self._anaglyph.draw(texture, target=target, target_format=target_format, slot=slot)
-        if self.simplified is not None and self.simplified.policy.most_ms is not None:
+        if self.simplified is not None and self.simplified.policy.max_ms is not None:
             self._device.wait()
             self._throttle.spent(self.simplified.policy, (time.perf_counter() - begin) * 1e3)
         active = int(windows.facing(eyes_m[0]).sum())

@@ -155,10 +155,10 @@ def select_mesh(mesh: FoldTree, sight: FoldRequest, *, threads: int | None = Non
         return MeshCut(_emitted(mesh, state, threads), state, 0.0, 0.0, 0.0, 0, faces)
     limit = 1.0
     if policy.name in COUNTED:
-        assert policy.most_items is not None
+        assert policy.max_items is not None
         histogram = np.zeros(BINS, np.int64)
         _folded(mesh, sight, 0.0, state, faces, histogram)
-        limit = budget_limit(histogram, int(mesh.lost[-1]), policy.most_items)
+        limit = budget_limit(histogram, int(mesh.lost[-1]), policy.max_items)
     _, asked, largest, widest = _folded(mesh, sight, limit, state, faces, np.zeros(0, np.int64))
     return MeshCut(_emitted(mesh, state, threads), state, limit, largest, widest, asked, faces)
 

@@ -337,7 +337,7 @@ class PointsRenderer:
             chosen.windows, views.eye_m, self._room_from_cloud, cut.pairs, lit=self.lit, overlay=overlay,
             target=target, target_format=target_format, slot=slot,
         )  # fmt: skip
-        if policy.most_ms is not None:
+        if policy.max_ms is not None:
             self._device.wait()
             self._throttle.spent(policy, (chosen.select_s + time.perf_counter() - begin) * 1e3)
         return texture, PointsReport(

@@ -192,8 +192,8 @@ def select_points(
     with ThreadPoolExecutor(max(workers, 1)) as pool:
         limit = 1.0
         if sight.policy.name in COUNTED:
-            assert sight.policy.most_items is not None
-            limit = _limit_of_budget(told, pool, rows[panels], sight.policy.most_items)
+            assert sight.policy.max_items is not None
+            limit = _limit_of_budget(told, pool, rows[panels], sight.policy.max_items)
         wanted_k = np.zeros(tree.chunks)
         parts, reached, largest_px, judged = [], 0.0, 0.0, 0
         for panel in panels:

@@ -81,7 +81,7 @@ def select_terrain(
     *,
     mode: Mode = "adaptive",
     available: NDArray[np.bool_] | None = None,
-    most_triangles: int | None = None,
+    max_triangles: int | None = None,
 ) -> TerrainCut:
     """The cut of every panel.
 
@@ -102,7 +102,7 @@ def select_terrain(
         Which patches are resident, shape (P,); the roots' first ones count as resident. A node is left for its
         children if every child seen has one; within a node the coarsest that is fine enough is taken, else the finest.
         By default all are.
-    most_triangles
+    max_triangles
         Budget: where the cut has more, the errors permitted are multiplied by half octaves until it fits.
 
     Raises
@@ -115,16 +115,16 @@ def select_terrain(
         raise InputError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
     if available is not None and available.shape != patches.error_m.shape:
         raise InputError(f"available must tell of {len(patches.error_m)} patches, got shape {available.shape}")
-    if most_triangles is not None and most_triangles < 1:
-        raise InputError(f"most_triangles must be at least 1, got {most_triangles}")
+    if max_triangles is not None and max_triangles < 1:
+        raise InputError(f"max_triangles must be at least 1, got {max_triangles}")
     resident = np.empty(0, dtype=np.bool_) if available is None else np.ascontiguousarray(available, dtype=np.bool_)
     drawn = views.facing & np.isfinite(allowed)
     forms = terrain_forms(views, quilt_size_px, room_from_posts)
     asked = _Asked(_tree(nodes, patches), patches, forms, drawn, allowed, mode, resident)
     cut = _cut_at(asked, 0)
-    if most_triangles is None or cut.triangles <= most_triangles:
+    if max_triangles is None or cut.triangles <= max_triangles:
         return cut
-    fitting = _fitting(asked, most_triangles)
+    fitting = _fitting(asked, max_triangles)
     return replace(fitting, denied=max(len(cut.patches) - len(fitting.patches), 0))
 
 
@@ -159,14 +159,14 @@ def _checked_allowed(allowed_px: Floats, panels: int) -> Floats:
     return allowed
 
 
-def _fitting(asked: _Asked, most_triangles: int) -> TerrainCut:
+def _fitting(asked: _Asked, max_triangles: int) -> TerrainCut:
     """The first cut, in half octaves, that has no more triangles; the coarsest if none has."""
     low, high = 0, _MOST_STEPS
     fitting = _cut_at(asked, high)
     while high - low > 1:
         middle = (low + high) // 2
         cut = _cut_at(asked, middle)
-        if cut.triangles <= most_triangles:
+        if cut.triangles <= max_triangles:
             high, fitting = middle, cut
         else:
             low = middle

@@ -45,7 +45,7 @@ class TerrainSettings:
         See `limen.layers.terrain.select.select_terrain`.
     rule, field_deg
         See `limen.viewing.panel_demands.panel_demands`.
-    most_triangles
+    max_triangles
         Budget of every quilt: where more would be wanted, all errors allowed grow.
     """
 
@@ -55,15 +55,15 @@ class TerrainSettings:
     cut: Mode = "adaptive"
     rule: Rule = "exact"
     field_deg: float | None = None
-    most_triangles: int | None = None
+    max_triangles: int | None = None
 
     def __post_init__(self) -> None:
         if self.camera not in CAMERAS:
             raise InputError(f"no camera is named '{self.camera}': there are {', '.join(CAMERAS)}")
         if self.flight == "traverse" and self.look_at.target != LookAt().target:
             raise InputError("the flight traverse goes over all of a terrain: leave out the target, or take orbit")
-        if self.most_triangles is not None and self.most_triangles < 1:
-            raise InputError(f"most_triangles must be at least 1, got {self.most_triangles}")
+        if self.max_triangles is not None and self.max_triangles < 1:
+            raise InputError(f"max_triangles must be at least 1, got {self.max_triangles}")
 
 
 class Scenery(NamedTuple):
@@ -170,7 +170,7 @@ class TerrainSelector:
         """The cut of one quilt, of all patches or of those that are available."""
         return select_terrain(
             self.scenery.nodes, self.scenery.patches, views, quilt.size_px, self.room_from_posts, allowed_px,
-            mode=self.settings.cut, available=available, most_triangles=self.settings.most_triangles,
+            mode=self.settings.cut, available=available, max_triangles=self.settings.max_triangles,
         )  # fmt: skip
 
     def _pages(

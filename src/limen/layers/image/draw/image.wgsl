@@ -43,7 +43,7 @@ struct Frame {
     tables: u32,
     // Of lens_mesh.wgsl.
     cells: u32,
-    most_triangles: u32,
+    max_triangles: u32,
 }
 
 struct Panel {

@@ -85,7 +85,7 @@ class LensMesh:
         self._buffers["wishes"].reserve(16 * len(rows))
         self.corners.reserve(3 * CORNER.itemsize * room)
         self.drawn.write(np.array([0, 1] + _DRAWN * [0], np.uint32))
-        return {"cells": len(rows), "most_triangles": room}
+        return {"cells": len(rows), "max_triangles": room}
 
     def encode(self, encoder: Any, count: int, buffers: dict[str, GrowingBuffer]) -> None:
         """Cut ``count`` cells, by the layer's frame, panels, eyes and lenses."""

@@ -213,7 +213,7 @@ fn share_of_parts(k: u32) -> f32 {
 // How much of the parts that are wanted there is room for; nothing is cut if there is none for the least.
 fn share_that_fits() -> f32 {
     for (var k = 0u; k < SHARES; k++) {
-        if atomicLoad(&drawn.counts[k]) <= frame.most_triangles {
+        if atomicLoad(&drawn.counts[k]) <= frame.max_triangles {
             return share_of_parts(k);
         }
     }

@@ -229,7 +229,7 @@ fn finest_that_fits() -> u32 {
     var step = FINEST;
     while step > finest {
         total += atomicLoad(&drawn.counts[step - 1u]);
-        if total > frame.most_triangles {
+        if total > frame.max_triangles {
             break;
         }
         step--;
@@ -274,7 +274,7 @@ fn asked_step(finest: u32) -> u32 {
     return min(finest, FINEST - 1u);
 }
 
-fn most_triangles(finest: u32) -> u32 {
+fn max_triangles(finest: u32) -> u32 {
     let across = grid() >> asked_step(finest);
     return 2u * ((across + 1u) * (across + 1u) + across * across);
 }
@@ -324,7 +324,7 @@ fn lens_split_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_
         atomicStore(&count, 0u);
     }
     workgroupBarrier();
-    for (var k = lane; k < most_triangles(finest); k += LANES) {
+    for (var k = lane; k < max_triangles(finest); k += LANES) {
         if triangle_at(number, k, finest).there {
             atomicAdd(&count, 1u);
         }
@@ -337,7 +337,7 @@ fn lens_split_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_
         atomicStore(&count, 0u);
     }
     workgroupBarrier();
-    for (var k = lane; k < most_triangles(finest); k += LANES) {
+    for (var k = lane; k < max_triangles(finest); k += LANES) {
         let found = triangle_at(number, k, finest);
         if found.there {
             let first = begin + 3u * atomicAdd(&count, 1u);

@@ -63,7 +63,7 @@ FRAME = np.dtype(
         ("lenses", "<u4"),
         ("tables", "<u4"),
         ("cells", "<u4"),
-        ("most_triangles", "<u4"),
+        ("max_triangles", "<u4"),
     ]
 )
 PANEL = np.dtype(

@@ -19,10 +19,10 @@ from limen.geometry import Floats
 from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
-from limen.layers.common.panel_uniforms import MOST_EYES
+from limen.layers.common.panel_uniforms import MAX_EYES
 from limen.viewing.projection import PanelProjections, QuiltPanels
 
-__all__ = ["DRAW_OFFSET", "GROUP", "MOST_GROUPS", "Groups", "Parts", "Sorter", "Steps"]
+__all__ = ["DRAW_OFFSET", "GROUP", "MAX_GROUPS", "Groups", "Parts", "Sorter", "Steps"]
 
 DRAW_OFFSET = 16
 """Where in `Sorter.arguments` the arguments of the indirect draw begin, bytes."""
@@ -30,7 +30,7 @@ DRAW_OFFSET = 16
 GROUP = 128
 """Invocations of a workgroup that goes through vertices or triangles."""
 
-MOST_GROUPS = 65_535
+MAX_GROUPS = 65_535
 """Workgroups of a dispatch along one dimension."""
 
 Steps: TypeAlias = Mapping[str, tuple[str, ...]]
@@ -83,10 +83,10 @@ class Sorter:
     ) -> None:
         self.device = device
         self.vertex_count, self.triangle_count = len(positions), len(triangles)
-        if max(self.vertex_count, self.triangle_count) > GROUP * MOST_GROUPS:
+        if max(self.vertex_count, self.triangle_count) > GROUP * MAX_GROUPS:
             raise DeviceLimitError(
                 f"a mesh of {self.triangle_count:,} triangles is too large for one draw, which takes "
-                f"{GROUP * MOST_GROUPS:,}: simplify it or split it"
+                f"{GROUP * MAX_GROUPS:,}: simplify it or split it"
             )
         self.buffers = {
             name: GrowingBuffer(device, name, _usage(name)) for name in dict.fromkeys((*_SHARED, *self.bindings))
@@ -134,8 +134,8 @@ class Sorter:
             Affine maps from the mesh's coordinates to the way from each eye, metres: shape (E, 3, 4).
         """
         self.eyes, self.panels = len(views), len(views[0].near)
-        if self.eyes > MOST_EYES:
-            raise ValueError(f"at most {MOST_EYES} eyes are drawn at once, got {self.eyes}")
+        if self.eyes > MAX_EYES:
+            raise ValueError(f"at most {MAX_EYES} eyes are drawn at once, got {self.eyes}")
         if not self.pair_capacity:
             self.pair_capacity = int(self.triangle_count * self.eyes * _FIRST_SHARE) + self.panels * _FIRST_PER_PANEL
         self.buffers["ways"].reserve(self.vertex_count * self.eyes * 16)
