@@ -192,3 +192,13 @@ def test_every_verb_answers_help(verb: str, capsys: pytest.CaptureFixture[str]) 
     except SystemExit as ended:
         assert not ended.code  # noqa: PT017 - to return is as good as to exit with 0
     assert f"limen {verb}" in capsys.readouterr().out
+
+
+def test_a_class_name_is_used_once() -> None:
+    """One name, one thing: whoever searches for a class finds one. Those of a module alone begin with an underscore."""
+    homes: dict[str, list[str]] = {}
+    for path in FILES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(str(path.relative_to(SOURCE)))
+    assert {name: places for name, places in homes.items() if len(places) > 1} == {}

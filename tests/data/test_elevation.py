@@ -9,7 +9,7 @@ from dems import UTM, hills, write_dem
 from hypothesis import given
 from hypothesis import strategies as st
 
-from limen.data.terrain.elevation import ElevationSource, Window
+from limen.data.terrain.elevation import ElevationSource, PostRect
 from limen.data.terrain.elevation_type import is_elevation, is_terrain
 from limen.data.terrain.georeference import metres_a_degree
 from limen.errors import FormatError, InputError
@@ -17,7 +17,7 @@ from limen.errors import FormatError, InputError
 
 def read_all(source):
     width, height = source.size_posts
-    return source.read(Window(0, 0, width, height))
+    return source.read(PostRect(0, 0, width, height))
 
 
 @pytest.mark.parametrize("dtype", ["int16", "uint8", "int32", "uint16", "float32", "float64"])
@@ -30,7 +30,7 @@ def test_heights_are_what_the_file_holds(tmp_path, dtype):
         assert found.dtype == source.dtype
         assert np.array_equal(found, heights)
         assert not void.any()
-        part, _ = source.read(Window(10, 5, 20, 30))
+        part, _ = source.read(PostRect(10, 5, 20, 30))
         assert np.array_equal(part, heights[5:35, 10:30])
 
 
@@ -150,7 +150,7 @@ def test_rows_that_run_north_are_turned_over(tmp_path):
     south_up = rasterio.Affine(30.0, 0.0, 500_000.0, 0.0, 20.0, 4_399_600.0)
     with ElevationSource(write_dem(tmp_path / "a.tif", heights, crs=UTM["crs"], transform=south_up)) as source:
         assert np.array_equal(read_all(source)[0], heights[::-1])
-        assert np.array_equal(source.read(Window(2, 3, 5, 4))[0], heights[::-1][3:7, 2:7])
+        assert np.array_equal(source.read(PostRect(2, 3, 5, 4))[0], heights[::-1][3:7, 2:7])
         assert source.transform == (30.0, 0.0, 500_000.0, 0.0, -20.0, 4_400_000.0)
 
 
@@ -187,8 +187,8 @@ def test_a_file_cut_short_says_where(tmp_path, capfd):
     path.write_bytes(whole[: len(whole) * 2 // 3])
     with ElevationSource(path) as source:
         with pytest.raises(FormatError, match=r"rows 500 to 699, columns 0 to 899 cannot be read.*copy it again"):
-            source.read(Window(0, 500, 900, 200))
-        assert source.read(Window(0, 0, 100, 100))[0].shape == (100, 100)
+            source.read(PostRect(0, 500, 900, 200))
+        assert source.read(PostRect(0, 0, 100, 100))[0].shape == (100, 100)
     assert capfd.readouterr() == ("", "")
 
 
@@ -220,7 +220,7 @@ def test_a_microscope_is_no_surveyor(tmp_path):
 def test_a_window_of_the_real_file(data_dir):
     path = data_dir / "terrain/california_nevada_3arcsec_10801x4801.tif"
     with ElevationSource(path) as source, rasterio.open(path) as file:
-        window = Window(2400, 352, 700, 300)
+        window = PostRect(2400, 352, 700, 300)
         found, void = source.read(window)
         assert np.array_equal(found, file.read(1, window=rasterio.windows.Window(*window)))
         assert not void.any()

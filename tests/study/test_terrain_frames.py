@@ -14,7 +14,7 @@ import pytest
 import rasterio
 import terrains
 
-from limen.data.terrain.elevation import Window
+from limen.data.terrain.elevation import PostRect
 from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.errors import InputError
@@ -23,8 +23,8 @@ from limen.study import bench_terrain as bench
 from limen.study import terrain_frames
 from limen.study.bench_terrain import TerrainRow
 from limen.study.terrain_frames import (
-    FrameRow,
-    Stage,
+    TerrainFrameRow,
+    TerrainPanel,
     choice_of,
     displacement,
     frame_aims,
@@ -34,13 +34,13 @@ from limen.study.terrain_frames import (
     timed,
 )
 from limen.study.terrain_peers import INSTALL, missing_package
-from limen.study.terrain_source import Content, parse_crop, posts_of, prepared, write_crop
+from limen.study.terrain_source import MeasuredTerrain, parse_crop, posts_of, prepared, write_crop
 from limen.study.terrain_table import PAPER, table2_rows
 from limen.viewing.policy import Policy
 
 SPACING_M = 30.0
 ACUITY = Policy("acuity")
-STAGE = Stage(one_panel().display.scaled(0.25), replace(one_panel().viewer, acuity_arcmin=10.0))
+STAGE = TerrainPanel(one_panel().display.scaled(0.25), replace(one_panel().viewer, acuity_arcmin=10.0))
 """With a viewer who sees so little that not all posts need to be drawn."""
 
 
@@ -65,12 +65,12 @@ def dem(tmp_path_factory: Any) -> Path:
 
 @pytest.fixture(scope="module")
 def terrain(dem: Path) -> Iterator[Terrain]:
-    with prepared(Content(dem), 0, silent) as made:
+    with prepared(MeasuredTerrain(dem), 0, silent) as made:
         yield made
 
 
 def test_a_crop_is_part_of_its_raster_where_it_was(dem: Path, tmp_path: Path) -> None:
-    crop = Window(column=140, row=10, columns=50, rows=40)
+    crop = PostRect(column=140, row=10, columns=50, rows=40)
     path = write_crop(dem, crop, tmp_path / "crop.tif")
     with rasterio.open(dem) as whole, rasterio.open(path) as part:
         place = rasterio.windows.Window(*crop)
@@ -92,16 +92,16 @@ def test_what_is_no_crop_is_refused(text: str) -> None:
 
 
 def test_what_was_made_is_gone_afterwards(dem: Path) -> None:
-    with prepared(Content(dem, Window(0, 0, 65, 65)), 0, silent) as made:
+    with prepared(MeasuredTerrain(dem, PostRect(0, 0, 65, 65)), 0, silent) as made:
         folder = made.path
         assert folder.is_dir()
         assert made.size_posts == (65, 65)
         assert made.spacing_m == (SPACING_M, SPACING_M)
-        with prepared(Content(folder), 0, silent) as same:
+        with prepared(MeasuredTerrain(folder), 0, silent) as same:
             assert same.path == folder
         with (
             pytest.raises(InputError, match="name the DEM that it was made of"),
-            prepared(Content(folder, Window(0, 0, 9, 9)), 0, silent),
+            prepared(MeasuredTerrain(folder, PostRect(0, 0, 9, 9)), 0, silent),
         ):
             pass
         assert folder.is_dir()
@@ -202,7 +202,7 @@ def test_times_are_medians_of_all_calls() -> None:
 
 
 def test_aims_are_ratios_of_the_rows() -> None:
-    limen = FrameRow(
+    limen = TerrainFrameRow(
         method="limen", triangles=1, frame_ms=10, frame_cpu_ms=5, frames=1, allowed_px=0.6, max_error_px=0.5
     )
     vtk = msgspec.structs.replace(limen, method="vtk", frame_ms=600, frame_cpu_ms=400)

@@ -20,7 +20,7 @@ from limen.calibrate.camera import Intrinsics
 from limen.calibrate.observations import Observations
 from limen.geometry import Floats
 
-__all__ = ["Adjusted", "Problem", "adjust"]
+__all__ = ["Adjusted", "BundleAdjustment", "adjust"]
 
 _CAMERA = 5
 """Focal length, principal point, k1 and k2: of a camera that calibrates itself. Its pixels are taken to be square."""
@@ -48,7 +48,7 @@ _ENOUGH_ROBUST, _ENOUGH = 1e-4, 1e-9
 
 
 @dataclass(frozen=True)
-class Problem:
+class BundleAdjustment:
     """The unknowns as one vector: camera (if it is free), photographs, panels but the first one's.
 
     Parameters
@@ -186,13 +186,13 @@ class Adjusted:
     errors_px: Floats
     kept: NDArray[np.bool_]
     jacobian: csr_array
-    problem: Problem
+    problem: BundleAdjustment
     sigma_px: float
     left_out_by_photo: NDArray[np.int64]
     left_out_by_panel: NDArray[np.int64]
 
 
-def adjust(problem: Problem, photo_poses: Floats, panel_poses: Floats) -> Adjusted:
+def adjust(problem: BundleAdjustment, photo_poses: Floats, panel_poses: Floats) -> Adjusted:
     """Fit everything; corners that nothing explains are found by a robust fit and left out of the last one."""
     x = problem.pack(photo_poses, panel_poses)
     for _ in range(_ROBUST_PASSES):
@@ -214,11 +214,11 @@ def adjust(problem: Problem, photo_poses: Floats, panel_poses: Floats) -> Adjust
     return Adjusted(camera, photos, panels, errors, kept, last.jacobian(x), last, sigma, by_photo, by_panel)
 
 
-def _lengths(problem: Problem, x: Floats) -> Floats:
+def _lengths(problem: BundleAdjustment, x: Floats) -> Floats:
     return np.asarray(np.linalg.norm(problem.seen.errors_px(*problem.unpack(x)), axis=1))
 
 
-def _solve(problem: Problem, x: Floats, scale_px: float) -> Floats:
+def _solve(problem: BundleAdjustment, x: Floats, scale_px: float) -> Floats:
     """Levenberg's and Marquardt's method (Marquardt 1963, J. SIAM 11), under Cauchy's loss by reweighting.
 
     Errors much beyond ``scale_px`` hardly count; an infinite one means plain least squares.
@@ -246,7 +246,7 @@ def _solve(problem: Problem, x: Floats, scale_px: float) -> Floats:
     return x
 
 
-def _cost(problem: Problem, residuals: Floats, scale_px: float) -> float:
+def _cost(problem: BundleAdjustment, residuals: Floats, scale_px: float) -> float:
     corners = 2 * len(problem.seen)
     lengths = residuals[:corners].reshape(-1, 2) ** 2
     squares = lengths.sum(axis=1)
@@ -255,7 +255,7 @@ def _cost(problem: Problem, residuals: Floats, scale_px: float) -> float:
     return float(squares.sum() + (residuals[corners:] ** 2).sum())
 
 
-def _weights(problem: Problem, residuals: Floats, scale_px: float) -> Floats:
+def _weights(problem: BundleAdjustment, residuals: Floats, scale_px: float) -> Floats:
     """Weights under which squares have the slope of the loss."""
     corners = 2 * len(problem.seen)
     squares = (residuals[:corners].reshape(-1, 2) ** 2).sum(axis=1)

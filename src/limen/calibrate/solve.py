@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from limen.calibrate.adjust import Adjusted, Problem, adjust
+from limen.calibrate.adjust import Adjusted, BundleAdjustment, adjust
 from limen.calibrate.boards import Board, boards_of
 from limen.calibrate.camera import Intrinsics
 from limen.calibrate.chain import first_camera, first_poses
@@ -147,7 +147,9 @@ def solve(
     _check_seen(display, part, used, sightings, fix)
     require_one_island(seen, part, "no photograph shows both")
     first = camera or first_camera(seen, used[0].size_px)
-    problem = Problem(seen, first, camera is None, len(used), len(part.panels), int(np.bincount(seen.panel).argmax()))
+    problem = BundleAdjustment(
+        seen, first, camera is None, len(used), len(part.panels), int(np.bincount(seen.panel).argmax())
+    )
     if 2 * len(seen) <= problem.size:
         raise InputError(
             f"the photographs show too little: {2 * len(seen)} coordinates of corners for {problem.size} unknowns; "

@@ -12,7 +12,7 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.errors import InputError
 from limen.study.bench import BENCHES, Measured
 from limen.study.bench_lens import LensRow
-from limen.study.bench_mesh import Seen, bench_mesh
+from limen.study.bench_mesh import MeshComparison, bench_mesh
 from limen.study.bench_panels import PanelsRow
 from limen.study.bench_points import PeerRow, bench_points
 from limen.study.bench_terrain import TerrainRow, bench_terrain
@@ -20,8 +20,8 @@ from limen.study.mesh_plot import mesh_plot
 from limen.study.observer import INSTALL, missing_packages
 from limen.study.panels_plot import panels_plot
 from limen.study.plots import format_of
-from limen.study.terrain_frames import FrameRow, Table2
-from limen.study.terrain_source import Content, parse_crop
+from limen.study.terrain_frames import Table2, TerrainFrameRow
+from limen.study.terrain_source import MeasuredTerrain, parse_crop
 
 __all__ = ["bench"]
 
@@ -35,7 +35,7 @@ class BenchReport(msgspec.Struct, omit_defaults=True):
     rows: list[Measured] | list[PanelsRow] | list[LensRow] | list[TerrainRow] | list[PeerRow]
     table2: list[Table2] = []
     """Of `terrain`: the paper's second table."""
-    frames: list[FrameRow] = []
+    frames: list[TerrainFrameRow] = []
     """Of `terrain`: one panel, beside all triangles."""
 
 
@@ -73,7 +73,7 @@ def bench(
     if crop is not None and content is None:
         raise InputError("--crop takes part of a DEM: name it with --content")
     out = Output(common)
-    report, seen = _measured(name, quick, Content(content, parse_crop(crop) if crop else None), out)
+    report, seen = _measured(name, quick, MeasuredTerrain(content, parse_crop(crop) if crop else None), out)
     for title, rows in (("", report.rows), ("The paper's wall", report.table2), ("One panel", report.frames)):
         if rows:
             out.table(title, rows[0].columns, [row.cells() for row in rows])
@@ -84,7 +84,9 @@ def bench(
     out.result(report)
 
 
-def _measured(name: str, quick: bool, content: Content, out: Output) -> tuple[BenchReport, Seen | None]:
+def _measured(
+    name: str, quick: bool, content: MeasuredTerrain, out: Output
+) -> tuple[BenchReport, MeshComparison | None]:
     def say(text: str) -> None:
         out.say(f"measuring {text} ...")
 

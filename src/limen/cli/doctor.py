@@ -36,7 +36,7 @@ _LEAST_MEMORY_GIB, _LEAST_DISK_GIB = 2, 5
 _GIB = 2**30
 
 
-class Problem(msgspec.Struct):
+class Finding(msgspec.Struct):
     """What is wrong, and what to type or do about it."""
 
     problem: str
@@ -65,7 +65,7 @@ class Adapter(msgspec.Struct):
 
 class DoctorReport(msgspec.Struct):
     adapters: list[Adapter]
-    problems: list[Problem]
+    problems: list[Finding]
     machine: Machine
     versions: dict[str, str | None]
 
@@ -109,62 +109,62 @@ def _adapter(info: AdapterInfo) -> Adapter:
     return Adapter(info.name, info.backend, info.kind, info.driver, limits, info.features)
 
 
-def _adapter_problems(found: list[AdapterInfo]) -> list[Problem]:
+def _adapter_problems(found: list[AdapterInfo]) -> list[Finding]:
     if not found:
-        return [Problem("there is no graphics adapter: nothing can be drawn", driver_advice(), stops_drawing=True)]
+        return [Finding("there is no graphics adapter: nothing can be drawn", driver_advice(), stops_drawing=True)]
     problems = []
     best = found[0]
     wish = os.environ.get(WISH, "")
     if not best.is_called(wish):
         problems.append(
-            Problem(f"no adapter is called '{wish}'", f"change or unset the variable {WISH}", stops_drawing=True)
+            Finding(f"no adapter is called '{wish}'", f"change or unset the variable {WISH}", stops_drawing=True)
         )
     if all(info.is_software for info in found):
         problems.append(
-            Problem(
+            Finding(
                 "the only adapter is software: pictures are right, and slow",
                 "if this machine has a GPU, install its Vulkan driver and let this user open /dev/dri (group render)",
             )
         )
     if all(info.backend == "OpenGL" for info in found):
-        problems.append(Problem("only OpenGL answers, Vulkan does not: drawing is slower", linux_cure()))
+        problems.append(Finding("only OpenGL answers, Vulkan does not: drawing is slower", linux_cure()))
     if best.limits.get("max-texture-dimension-2d", 0) < _LEAST_TEXTURE_PX:
         problems.append(
-            Problem(f"textures are limited to {best.limits.get('max-texture-dimension-2d')} px", "use smaller quilts")
+            Finding(f"textures are limited to {best.limits.get('max-texture-dimension-2d')} px", "use smaller quilts")
         )
     return problems
 
 
-def _package_problems(versions: dict[str, str | None]) -> list[Problem]:
+def _package_problems(versions: dict[str, str | None]) -> list[Finding]:
     missing = [name for name, found in versions.items() if found is None]
     # Without the binary wheel pyvips takes the system's library; and limen may run from its sources.
     missing = [name for name in missing if name not in ("pyvips-binary", "limen")]
     if not missing:
         return []
     cure = f"{sys.executable} -m pip install {' '.join(missing)}"
-    return [Problem(f"not installed: {', '.join(missing)}", cure, stops_drawing=True)]
+    return [Finding(f"not installed: {', '.join(missing)}", cure, stops_drawing=True)]
 
 
-def _observer_problems(missing: tuple[str, ...]) -> list[Problem]:
+def _observer_problems(missing: tuple[str, ...]) -> list[Finding]:
     if not missing:
         return []
     problem = f"the independent observer of `limen verify` is not installed ({', '.join(missing)})"
-    return [Problem(problem, " && ".join(INSTALL))]
+    return [Finding(problem, " && ".join(INSTALL))]
 
 
-def _opencv_problems(installed: bool) -> list[Problem]:
-    return [] if installed else [Problem("OpenCV, which `limen calibrate` needs, is not installed", opencv.INSTALL)]
+def _opencv_problems(installed: bool) -> list[Finding]:
+    return [] if installed else [Finding("OpenCV, which `limen calibrate` needs, is not installed", opencv.INSTALL)]
 
 
-def _machine_problems(machine: Machine) -> list[Problem]:
+def _machine_problems(machine: Machine) -> list[Finding]:
     problems = []
     if machine.memory_gib is not None and machine.memory_gib < _LEAST_MEMORY_GIB:
         problems.append(
-            Problem(f"{machine.memory_gib:.1f} GiB of memory", "close other programs, or draw fewer panels at once")
+            Finding(f"{machine.memory_gib:.1f} GiB of memory", "close other programs, or draw fewer panels at once")
         )
     if machine.cache_free_gib is not None and machine.cache_free_gib < _LEAST_DISK_GIB:
         cure = f"free some of {machine.cache_folder}, or set XDG_CACHE_HOME to a larger disk"
-        problems.append(Problem(f"{machine.cache_free_gib:.1f} GiB free for caches", cure))
+        problems.append(Finding(f"{machine.cache_free_gib:.1f} GiB free for caches", cure))
     return problems
 
 
@@ -205,11 +205,11 @@ def _free_gib(folder: Path) -> float | None:
     return None
 
 
-def _window_problem() -> Problem | None:
+def _window_problem() -> Finding | None:
     """Try to open a window system in a process of its own: GLFW may end the one that it is started in."""
     without = "draw to files (show --out DIR), or run under a desktop or `xvfb-run`"
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        return Problem("no window can open: neither DISPLAY nor WAYLAND_DISPLAY is set", without)
+        return Finding("no window can open: neither DISPLAY nor WAYLAND_DISPLAY is set", without)
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-W", "ignore", "-c", "import glfw, sys; sys.exit(not glfw.init())"],
@@ -219,8 +219,8 @@ def _window_problem() -> Problem | None:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Problem("no window can open: the display does not answer", without)
-    return None if done.returncode == 0 else Problem("no window can open: GLFW finds no display", without)
+        return Finding("no window can open: the display does not answer", without)
+    return None if done.returncode == 0 else Finding("no window can open: GLFW finds no display", without)
 
 
 def _version(name: str) -> str | None:

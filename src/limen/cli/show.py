@@ -77,7 +77,7 @@ def show(
     name = display or ("desktop" if out else "")
     asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
     lenses.check(in_files=way == "files")
-    from limen.cli.show_content import Wishes, show_content  # renderers, which no help text needs
+    from limen.cli.show_content import ShowOptions, show_content  # renderers, which no help text needs
 
-    wishes = Wishes(policy, acuity_arcmin, fit, max_triangles, mesh, terrain, points, lenses)
+    wishes = ShowOptions(policy, acuity_arcmin, fit, max_triangles, mesh, terrain, points, lenses)
     show_content(Output(common), content, asked, wishes, given, out)

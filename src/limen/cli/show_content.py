@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from limen.data.points.file import Points
     from limen.data.terrain.file import Terrain
 
-__all__ = ["Wishes", "show_content"]
+__all__ = ["ShowOptions", "show_content"]
 
 
-class Wishes(NamedTuple):
+class ShowOptions(NamedTuple):
     """Options that are heard in one way by some kinds of content, in another by others or not at all."""
 
     policy: str
@@ -58,7 +58,7 @@ class Wishes(NamedTuple):
 
 
 def show_content(
-    out: Output, path: Path, asked: Asked, wishes: Wishes, given: Sequence[str], folder: Path | None
+    out: Output, path: Path, asked: Asked, wishes: ShowOptions, given: Sequence[str], folder: Path | None
 ) -> None:
     """Draw content of any kind in windows, or into a folder.
 
@@ -93,7 +93,7 @@ def _opened(out: Output, path: Path, stack: ExitStack) -> Image | Mesh | Points 
 def _draw(
     opened: Image | Mesh | Points | Terrain,
     asked: Asked,
-    wishes: Wishes,
+    wishes: ShowOptions,
     policy: Policy,
     folder: Path | None,
     out: Output,
@@ -131,7 +131,7 @@ def _refuse_overlay(kind: Kind, overlay: Overlays) -> None:
         )
 
 
-def _policy(kind: Kind, wishes: Wishes, *, in_files: bool, acuity_given: bool) -> Policy:
+def _policy(kind: Kind, wishes: ShowOptions, *, in_files: bool, acuity_given: bool) -> Policy:
     """The policy asked for, if content of this kind can be drawn by it."""
     text = wishes.policy or ("full" if kind == "mesh" else "acuity")
     if acuity_given:

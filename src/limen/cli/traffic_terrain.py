@@ -10,7 +10,7 @@ from limen.cli.show_terrain import opened_content
 from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.layers.common.page_detail import plain_detail
-from limen.study.terrain_traffic import CountedDrape, TerrainRow, TerrainTraffic, count_terrain_traffic
+from limen.study.terrain_traffic import CountedDrape, TerrainTraffic, TerrainTrafficRow, count_terrain_traffic
 from limen.study.traffic import detail_of, frames_of, page_bytes_of
 from limen.track.session import Session
 from limen.viewing.policy import Policy
@@ -81,7 +81,7 @@ def _print(out: Output, traffic: TerrainTraffic) -> None:
     )
 
 
-def _line(name: str, row: TerrainRow) -> Sequence[object]:
+def _line(name: str, row: TerrainTrafficRow) -> Sequence[object]:
     return (
         name,
         row.policy if row.acuity_arcmin is None else f"{row.policy} {row.acuity_arcmin:g}'",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from limen.data.points.build import build_points
     from limen.data.points.file import Points
     from limen.data.points.info import PointsInfo, cloud_info
-    from limen.data.points.ingest import PointsReport, ingest_points
+    from limen.data.points.ingest import PointsIngest, ingest_points
     from limen.data.points.opening import open_points
     from limen.data.samples.image import SampleReport, sample_image
     from limen.data.samples.mesh import KNOT_TRIANGLES, MeshSampleReport, ripple, sample_mesh, torus_knot
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from limen.data.samples.terrain import TerrainSampleReport, sample_terrain
     from limen.data.terrain.file import Terrain
     from limen.data.terrain.info import TerrainInfo, elevation_info
-    from limen.data.terrain.ingest import TerrainReport, ingest_terrain
+    from limen.data.terrain.ingest import TerrainIngest, ingest_terrain
     from limen.data.terrain.opening import open_terrain
 
 __all__ = [
@@ -50,13 +50,13 @@ __all__ = [
     "MeshSampleReport",
     "Points",
     "PointsInfo",
-    "PointsReport",
+    "PointsIngest",
     "PointsSampleReport",
     "Pyramid",
     "SampleReport",
     "Terrain",
     "TerrainInfo",
-    "TerrainReport",
+    "TerrainIngest",
     "TerrainSampleReport",
     "build_points",
     "cloud_info",
@@ -96,13 +96,13 @@ _HOMES = {
     "Points": ("points.file", "Points"),
     "PointsInfo": ("points.info", "PointsInfo"),
     "MeshReport": ("mesh.store", "MeshReport"),
-    "PointsReport": ("points.ingest", "PointsReport"),
+    "PointsIngest": ("points.ingest", "PointsIngest"),
     "PointsSampleReport": ("samples.points", "PointsSampleReport"),
     "Pyramid": ("pages", "Pyramid"),
     "SampleReport": ("samples.image", "SampleReport"),
     "Terrain": ("terrain.file", "Terrain"),
     "TerrainInfo": ("terrain.info", "TerrainInfo"),
-    "TerrainReport": ("terrain.ingest", "TerrainReport"),
+    "TerrainIngest": ("terrain.ingest", "TerrainIngest"),
     "TerrainSampleReport": ("samples.terrain", "TerrainSampleReport"),
     "build_points": ("points.build", "build_points"),
     "cloud_info": ("points.info", "cloud_info"),

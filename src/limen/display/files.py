@@ -25,10 +25,10 @@ from limen.display.quilt import Quilt
 from limen.errors import DisplayError, FormatError, MissingFileError
 from limen.units import inch_to_m
 
-__all__ = ["Content", "DisplayFile", "mesh_panels", "preset_names", "preset_path", "read", "schema", "write"]
+__all__ = ["DisplayFields", "DisplayFile", "mesh_panels", "preset_names", "preset_path", "read", "schema", "write"]
 
 
-class Content(NamedTuple):
+class DisplayFields(NamedTuple):
     """What a display file says: the fields of a `limen.Display`."""
 
     name: str
@@ -37,7 +37,7 @@ class Content(NamedTuple):
     quilts: tuple[Quilt, ...]
 
 
-def read(path: Path) -> Content:
+def read(path: Path) -> DisplayFields:
     """What a display file says.
 
     Raises
@@ -57,7 +57,7 @@ def read(path: Path) -> Content:
         quilts = _quilts(content, panels)
     except DisplayError as error:
         raise DisplayError(f"{path}: {error}") from None
-    return Content(content.name, panels, content.description, quilts)
+    return DisplayFields(content.name, panels, content.description, quilts)
 
 
 def write(name: str, panels: tuple[Panel, ...], description: str = "", quilts: Sequence[Quilt] = ()) -> str:

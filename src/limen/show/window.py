@@ -25,7 +25,7 @@ class Surface(NamedTuple):
     time_s: float  # since the window opened
 
 
-class Live(Protocol):
+class WindowContent(Protocol):
     """What windows draw: changed by events, until it wants to be closed."""
 
     closed: bool
@@ -76,7 +76,7 @@ class Canvas:
 def run_together(
     canvases: Sequence[Canvas],
     draws: Sequence[Callable[[Surface], str]],
-    live: Live,
+    live: WindowContent,
     *,
     seconds: float | None = None,
 ) -> None:

@@ -33,7 +33,7 @@ from limen.viewing.tessellation import Tessellation
 from limen.viewing.viewer import Viewer
 from limen.vision.acuity import SNELLEN_ARCMIN, optimal_distance_m
 
-__all__ = ["LENSES", "Drawn", "LensRow", "aims", "bench_lens", "measured", "wall"]
+__all__ = ["LENSES", "LensPicture", "LensRow", "aims", "bench_lens", "measured", "wall"]
 
 Say = Callable[[str], None]
 
@@ -84,7 +84,7 @@ class LensRow(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         )  # fmt: skip
 
 
-class Drawn(NamedTuple):
+class LensPicture(NamedTuple):
     """What was drawn through lenses once."""
 
     triangles: int
@@ -116,7 +116,7 @@ def wall() -> Display:
     return Display("wall", tuple(panels))
 
 
-def measured(renderer: Renderer, samples: int = _SAMPLES) -> Drawn:
+def measured(renderer: Renderer, samples: int = _SAMPLES) -> LensPicture:
     """How far from where it belongs the last quilt's triangles draw what they show.
 
     Each place that a triangle shows at a pixel belongs where the lenses' inverse says (`limen.viewing.lens.shown_at`,
@@ -140,7 +140,7 @@ def measured(renderer: Renderer, samples: int = _SAMPLES) -> Drawn:
         total += float((error_px * np.abs(areas[1])).sum())
     area_px = float(np.abs(areas[1]).sum())
     mean = total / (len(places) + len(random)) / area_px
-    return Drawn(len(panel), worst, mean, float((areas[0] / areas[1]).min()), area_px)
+    return LensPicture(len(panel), worst, mean, float((areas[0] / areas[1]).min()), area_px)
 
 
 def bench_lens(quick: bool, say: Say) -> list[LensRow]:
@@ -171,7 +171,7 @@ def _rows(renderer: Renderer, lenses: tuple[Lens, ...], distance_m: float, frame
         reports = [report for _, _, report in renderer.pictures([] if way.nobody else viewers, policy)]
         return sum(report.draw_ms for report in {id(report): report for report in reports}.values())
 
-    def of(way: _Way) -> Drawn:
+    def of(way: _Way) -> LensPicture:
         draw(way)
         return measured(renderer)
 

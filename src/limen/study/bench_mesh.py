@@ -47,7 +47,7 @@ from limen.viewing.projection import QuiltPanels
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
-__all__ = ["MeshBench", "Seen", "bench_mesh", "folded_uniformly"]
+__all__ = ["MeshBench", "MeshComparison", "bench_mesh", "folded_uniformly"]
 
 Say = Callable[[str], None]
 Picture = NDArray[np.uint8]
@@ -63,7 +63,7 @@ _FRAMES, _QUICK_FRAMES = 20, 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class MeshComparison:
     """One view of the mesh as each way draws it, and the JOD of its windows (nan of the full mesh)."""
 
     pictures: dict[str, Picture]
@@ -73,7 +73,7 @@ class Seen:
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshBench:
     rows: list[PeerRow]
-    seen: Seen | None
+    seen: MeshComparison | None
     """The view in which peers do worst; None where the observer is not installed."""
 
 
@@ -196,7 +196,7 @@ def _cuts(name: str, mesh: Mesh, foldable: FoldTree, most: int, frames: int) -> 
 
 def _judged(
     device: Device, name: str, mesh: Mesh, foldable: FoldTree, made: dict[str, Mesh], most: int, views: int
-) -> tuple[list[PeerRow], Seen]:
+) -> tuple[list[PeerRow], MeshComparison]:
     """The observer's verdict on the same windows of every way's pictures, and outlines that differ."""
     scene, observer = _Scene.of(mesh, views), Observer()
     budget = Simplified(foldable, Policy("budget", max_items=most))
@@ -219,7 +219,7 @@ def _judged(
     return rows, min(found, key=lambda each: min(each.jod.values()))
 
 
-def _seen(scene: _Scene, pose: Pose, renderers: dict[str, SceneRenderer], observer: Observer) -> Seen:
+def _seen(scene: _Scene, pose: Pose, renderers: dict[str, SceneRenderer], observer: Observer) -> MeshComparison:
     pictures = {}
     for maker, renderer in renderers.items():
         renderer.room_from_mesh = scene.stands(pose)
@@ -235,7 +235,7 @@ def _seen(scene: _Scene, pose: Pose, renderers: dict[str, SceneRenderer], observ
             for part in parts
         ]
         jod[maker] = statistics.fmean(verdict.jod for verdict in verdicts)
-    return Seen(pictures, jod)
+    return MeshComparison(pictures, jod)
 
 
 def _shown(picture: Picture) -> NDArray[np.bool_]:

@@ -38,7 +38,18 @@ from limen.study.baselines.sort_paper import PaperSorter
 from limen.study.baselines.sort_whole import OctreeSorter, WholeScene
 from limen.viewing.projection import QuiltPanels
 
-__all__ = ["DISPLAYS", "Budget", "PanelsRow", "Point", "Stage", "aims", "bench_panels", "measure", "points", "stage"]
+__all__ = [
+    "DISPLAYS",
+    "Budget",
+    "PanelsRow",
+    "PanelsScene",
+    "Point",
+    "aims",
+    "bench_panels",
+    "measure",
+    "points",
+    "stage",
+]
 
 Say = Callable[[str], None]
 
@@ -127,7 +138,7 @@ class Point(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class PanelsScene:
     """A display with its quilt, and the sizes of the scene and the walk around it, metres."""
 
     windows: QuiltPanels
@@ -230,7 +241,7 @@ def aims(rows: Sequence[PanelsRow]) -> list[str]:
 
 
 @cache
-def stage(name: str, quilt_px: int) -> Stage:
+def stage(name: str, quilt_px: int) -> PanelsScene:
     """One of `DISPLAYS` around the room's origin, as finely as makes a quilt of about that many pixels."""
     kind, parameters = DISPLAYS[name]
     mesh = _icosphere() if kind == "icosphere" else shapes.shape(kind, **parameters)
@@ -240,7 +251,9 @@ def stage(name: str, quilt_px: int) -> Stage:
     display = Display(name, tuple(panels_of_mesh(mesh, name, pitch_m)))
     quilt = pack_outlines(display, max_size_px=16_384, max_px=2 * quilt_px)[0]
     half = (mesh.corners.max(axis=0) - mesh.corners.min(axis=0)) / 2
-    return Stage(QuiltPanels(display, quilt), _SCENE * float(np.prod(half) ** (1 / 3)), _RADII * float(half.max()))
+    return PanelsScene(
+        QuiltPanels(display, quilt), _SCENE * float(np.prod(half) ** (1 / 3)), _RADII * float(half.max())
+    )
 
 
 def measure(device: Device, point: Point, *, frames: int, budget: Budget) -> list[PanelsRow]:
@@ -295,7 +308,7 @@ class _Scene:
 
     device: Device
     mesh: Mesh
-    stage: Stage
+    stage: PanelsScene
     room_from_mesh: Floats
 
     def layer(self, method: Method) -> SceneLayer:

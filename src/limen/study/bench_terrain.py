@@ -15,9 +15,9 @@ import msgspec
 
 from limen.errors import InputError
 from limen.gpu.device import open_device
-from limen.study.terrain_frames import FrameRow, Table2, frame_aims, frame_rows, table2
+from limen.study.terrain_frames import Table2, TerrainFrameRow, frame_aims, frame_rows, table2
 from limen.study.terrain_peers import INSTALL, PEERS, Made, missing_package
-from limen.study.terrain_source import SAMPLE, Content, posts_of, prepared
+from limen.study.terrain_source import SAMPLE, MeasuredTerrain, posts_of, prepared
 from limen.study.triangulations import Posts, build_blocks, drawn, patches_at, true_error_m
 
 __all__ = ["ERRORS_M", "TerrainBench", "TerrainRow", "aims", "bench_terrain", "ladder_m", "triangle_rows"]
@@ -54,10 +54,10 @@ class TerrainBench(msgspec.Struct, frozen=True):
 
     rows: list[TerrainRow]
     table2: list[Table2]
-    frames: list[FrameRow]
+    frames: list[TerrainFrameRow]
 
 
-def bench_terrain(quick: bool, say: Say, content: Content = SAMPLE) -> TerrainBench:
+def bench_terrain(quick: bool, say: Say, content: MeasuredTerrain = SAMPLE) -> TerrainBench:
     """Tables of ``limen bench terrain``."""
     with open_device() as device, prepared(content, _QUICK_SAMPLE if quick else _SAMPLE, say) as terrain:
         say(f"{terrain.name}: {terrain.size_posts[0]} x {terrain.size_posts[1]} posts, on {device.adapter_name}")

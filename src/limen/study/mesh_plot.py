@@ -9,7 +9,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from limen.data.store.atomic import write_bytes
-from limen.study.bench_mesh import Seen
+from limen.study.bench_mesh import MeshComparison
 from limen.study.plots import GREY, STYLE, Format, figure_bytes, format_of
 
 __all__ = ["mesh_picture", "mesh_plot"]
@@ -18,7 +18,7 @@ _PART_PX = 360
 """Of every picture's side: pixels remain pixels."""
 
 
-def mesh_plot(seen: Seen, path: str | Path) -> None:
+def mesh_plot(seen: MeshComparison, path: str | Path) -> None:
     """Draw `mesh_picture` to a .png or .svg file.
 
     Raises
@@ -31,7 +31,7 @@ def mesh_plot(seen: Seen, path: str | Path) -> None:
     write_bytes(path, mesh_picture(seen, format_of(path)))
 
 
-def mesh_picture(seen: Seen, kind: Format = "png") -> bytes:
+def mesh_picture(seen: MeshComparison, kind: Format = "png") -> bytes:
     """The part in which pictures differ most from that of all triangles, of every way, and the verdict on the view."""
     full = seen.pictures["all triangles"].astype(int)
     others = [picture for maker, picture in seen.pictures.items() if maker != "all triangles"]

@@ -20,10 +20,10 @@ from limen.study.resolvable_kernels import sum_demands
 from limen.viewing.tolerance import Tolerance
 from limen.vision.resolution import ECCENTRICITY_PER_DEG
 
-__all__ = ["Places", "places_of", "resolvable_samples"]
+__all__ = ["PanelSamples", "places_of", "resolvable_samples"]
 
 
-class Places(NamedTuple):
+class PanelSamples(NamedTuple):
     """Midpoints of the rectangles that panels are cut into, to sum over."""
 
     position_m: Floats  # (Q, 3)
@@ -32,7 +32,7 @@ class Places(NamedTuple):
     most_per_m2: Floats  # (Q,): what pixels and texels hold
 
 
-def places_of(view: ImageOnDisplay, cell_m: float = 0.1) -> Places:
+def places_of(view: ImageOnDisplay, cell_m: float = 0.1) -> PanelSamples:
     """The panels of a view, cut into cells of at most ``cell_m``, at least 4 x 4.
 
     At 0.1 m the sum is within 0.03 % of its limit for a viewer 0.35 m or more from the Reality Deck's walls.
@@ -52,10 +52,10 @@ def places_of(view: ImageOnDisplay, cell_m: float = 0.1) -> Places:
         parts.append(np.column_stack([position, np.tile(panel.normal, (len(grid), 1)), area, most]))
     rows = np.concatenate(parts)
     columns = (rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7])
-    return Places(*(np.ascontiguousarray(column) for column in columns))
+    return PanelSamples(*(np.ascontiguousarray(column) for column in columns))
 
 
-def resolvable_samples(places: Places, tolerances: Sequence[Tolerance]) -> Floats:
+def resolvable_samples(places: PanelSamples, tolerances: Sequence[Tolerance]) -> Floats:
     """Samples that the eyes could resolve; where several look, the finest demand counts, place by place.
 
     Parameters

@@ -33,10 +33,10 @@ from limen.viewing.viewer import Viewer
 
 __all__ = [
     "LOOK",
-    "FrameRow",
-    "Seen",
-    "Stage",
+    "SeenSurface",
     "Table2",
+    "TerrainFrameRow",
+    "TerrainPanel",
     "choice_of",
     "displacement",
     "frame_aims",
@@ -76,7 +76,7 @@ class Table2(Table2Row, frozen=True, kw_only=True):
         )  # fmt: skip
 
 
-class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
+class TerrainFrameRow(msgspec.Struct, frozen=True, kw_only=True):
     """One way to draw the same view on one panel; medians over frames."""
 
     method: str
@@ -157,24 +157,24 @@ def timed(call: Callable[[], object], repeats: int, *, by_cpu: bool) -> Times:
     return Times(statistics.median(clock), statistics.median(cpu) if by_cpu else None, repeats)
 
 
-class Stage(NamedTuple):
+class TerrainPanel(NamedTuple):
     """One panel, and a viewer before its middle."""
 
     display: Display
     viewer: Viewer
 
 
-def one_panel() -> Stage:
+def one_panel() -> TerrainPanel:
     """A panel as those of the paper's wall, and a viewer 1 m before it."""
     pitch_m, size_px = 0.303e-3, (1920, 1200)
     width, height = (count * pitch_m for count in size_px)
     panel = Panel("panel", size_px, (-width / 2, 1.5 + height / 2, 0.0), (1, 0, 0), (0, -1, 0), (pitch_m, pitch_m))
-    return Stage(Display("panel", (panel,)), Viewer((0.0, 1.5, 1.0), direction=(0.0, 0.0, -1.0)))
+    return TerrainPanel(Display("panel", (panel,)), Viewer((0.0, 1.5, 1.0), direction=(0.0, 0.0, -1.0)))
 
 
 def frame_rows(
-    device: Device, terrain: Terrain, posts: Posts, frames: int, say: Say, stage: Stage | None = None
-) -> list[FrameRow]:
+    device: Device, terrain: Terrain, posts: Posts, frames: int, say: Say, stage: TerrainPanel | None = None
+) -> list[TerrainFrameRow]:
     """Limen under the policy ``acuity`` and VTK's full grid, the same view of all of the terrain."""
     display, viewer = stage = stage or one_panel()
     policy, eye_m = Policy("acuity"), np.array(viewer.position_m)
@@ -199,14 +199,14 @@ def frame_rows(
         grid.close()
 
 
-def _row(method: str, triangles: int, times: Times, allowed_px: float, error_px: float) -> FrameRow:
-    return FrameRow(
+def _row(method: str, triangles: int, times: Times, allowed_px: float, error_px: float) -> TerrainFrameRow:
+    return TerrainFrameRow(
         method=method, triangles=triangles, frame_ms=times.frame_ms, frame_cpu_ms=times.cpu_ms, frames=times.frames,
         allowed_px=allowed_px, max_error_px=error_px,
     )  # fmt: skip
 
 
-def choice_of(terrain: Terrain, stage: Stage, policy: Policy) -> tuple[Choice, Floats]:
+def choice_of(terrain: Terrain, stage: TerrainPanel, policy: Policy) -> tuple[Choice, Floats]:
     """What limen draws for a viewer who is the reference eye, too, and where the terrain stands."""
     display, viewer = stage
     quilt = pack_outlines(display)[0]
@@ -219,7 +219,7 @@ def choice_of(terrain: Terrain, stage: Stage, policy: Policy) -> tuple[Choice, F
     return sight.choose(quilt, [viewer], sight.demands([viewer], policy, [])), sight.room_from_posts
 
 
-class Seen(NamedTuple):
+class SeenSurface(NamedTuple):
     """What of the true surface is in view, and how far from its place it is drawn."""
 
     posts: int
@@ -227,7 +227,7 @@ class Seen(NamedTuple):
     error_px: float
 
 
-def displacement(terrain: Terrain, posts: Posts, choice: Choice, room_from_posts: Floats) -> Seen:
+def displacement(terrain: Terrain, posts: Posts, choice: Choice, room_from_posts: Floats) -> SeenSurface:
     """How far the posts in view of a quilt's first panel are from where its patches have them, at most.
 
     Every post is projected from its true place and from that of the drawn surface above or below it; the patches, and
@@ -249,7 +249,7 @@ def displacement(terrain: Terrain, posts: Posts, choice: Choice, room_from_posts
         off_px = np.linalg.norm(drawn_px - true_px, axis=1)[inside]
         count, holes = count + len(off_px), holes + int(np.isnan(off_px).sum())
         error_px = max(error_px, float(np.nan_to_num(off_px).max(initial=0.0)))
-    return Seen(count, holes, error_px)
+    return SeenSurface(count, holes, error_px)
 
 
 def _projected(
@@ -263,7 +263,7 @@ def _projected(
     return np.column_stack([x / ahead, -y / ahead]) * size_px / 2, inside
 
 
-def frame_aims(rows: Sequence[FrameRow]) -> Iterator[str]:
+def frame_aims(rows: Sequence[TerrainFrameRow]) -> Iterator[str]:
     """What was aimed at, beside what these rows say of it."""
     by_method = {row.method: row for row in rows}
     limen, vtk = by_method.get("limen"), by_method.get("vtk")

@@ -12,34 +12,34 @@ import numpy as np
 import rasterio
 from rasterio.errors import RasterioError
 
-from limen.data.terrain.elevation import ElevationSource, Window
+from limen.data.terrain.elevation import ElevationSource, PostRect
 from limen.data.terrain.file import Terrain, is_terrain_folder
 from limen.data.terrain.ingest import ingest_terrain
 from limen.errors import InputError, StorageError
 from limen.study.triangulations import Posts
 
-__all__ = ["SAMPLE", "Content", "parse_crop", "posts_of", "prepared", "write_crop"]
+__all__ = ["SAMPLE", "MeasuredTerrain", "parse_crop", "posts_of", "prepared", "write_crop"]
 
 Say = Callable[[str], None]
 
 _SHORT_VOID = -32768
 
 
-class Content(NamedTuple):
+class MeasuredTerrain(NamedTuple):
     """What is measured; the sample terrain where nothing is named."""
 
     path: Path | None = None
-    crop: Window | None = None
+    crop: PostRect | None = None
 
 
-SAMPLE = Content()
+SAMPLE = MeasuredTerrain()
 
 
-def parse_crop(text: str) -> Window:
+def parse_crop(text: str) -> PostRect:
     """``ROW,COLUMN,ROWS,COLUMNS`` of posts, from 0.
 
     >>> parse_crop("352,2400,4097,4097")
-    Window(column=2400, row=352, columns=4097, rows=4097)
+    PostRect(column=2400, row=352, columns=4097, rows=4097)
 
     Raises
     ------
@@ -52,11 +52,11 @@ def parse_crop(text: str) -> Window:
         raise InputError(f"--crop '{text}': give ROW,COLUMN,ROWS,COLUMNS, for example 352,2400,4097,4097") from None
     if min(row, column) < 0 or min(rows, columns) < 2:
         raise InputError(f"--crop '{text}': rows and columns count from 0, and 2 x 2 posts are the least")
-    return Window(column, row, columns, rows)
+    return PostRect(column, row, columns, rows)
 
 
 @contextmanager
-def prepared(content: Content, sample_size: int, say: Say) -> Iterator[Terrain]:
+def prepared(content: MeasuredTerrain, sample_size: int, say: Say) -> Iterator[Terrain]:
     """The terrain, ready to be drawn; what had to be made for it is gone afterwards.
 
     Parameters
@@ -96,7 +96,7 @@ def _sample(path: Path, size: int, say: Say) -> Path:
     return path
 
 
-def write_crop(source: Path, crop: Window, target: Path) -> Path:
+def write_crop(source: Path, crop: PostRect, target: Path) -> Path:
     """Part of a raster of heights as a GeoTIFF, where it was on Earth.
 
     Raises

@@ -25,14 +25,14 @@ from limen.track.session import Frame, Session
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import tolerance_of
 
-__all__ = ["CountedDrape", "TerrainRow", "TerrainSession", "TerrainTraffic", "count_terrain_traffic"]
+__all__ = ["CountedDrape", "TerrainSession", "TerrainTraffic", "TerrainTrafficRow", "count_terrain_traffic"]
 
 _FULL = Policy("full")
 _VERTEX_BYTES, _TRIANGLE_BYTES = 8, 6
 """Column and row of 16 bits and a height of 32; three vertices of 16."""
 
 
-class TerrainRow(msgspec.Struct, frozen=True):
+class TerrainTrafficRow(msgspec.Struct, frozen=True):
     """One policy in one session."""
 
     policy: str
@@ -60,7 +60,7 @@ class TerrainSession(msgspec.Struct, frozen=True):
     frames: int
     duration_s: float
     viewers: int
-    rows: list[TerrainRow]
+    rows: list[TerrainTrafficRow]
     floor_samples_mean: float
     """Samples a frame that human eyes could resolve on the whole display."""
 
@@ -181,11 +181,11 @@ def _counted(
     )
 
 
-def _row(policy: Policy, counted: Sequence[_Counted], full_bytes: Floats) -> TerrainRow:
+def _row(policy: Policy, counted: Sequence[_Counted], full_bytes: Floats) -> TerrainTrafficRow:
     moved, triangles, pages = (
         np.array([getattr(each, part) for each in counted]) for part in ("bytes", "triangles", "pages")
     )
-    return TerrainRow(
+    return TerrainTrafficRow(
         policy=policy.title,
         acuity_arcmin=None if policy.name in ("full", "scheel") else policy.acuity_arcmin,
         panels_active_mean=float(np.mean([each.panels for each in counted])),

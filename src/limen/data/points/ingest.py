@@ -35,7 +35,7 @@ from limen.geometry import Floats
 from limen.system import worker_count
 from limen.vision.luminance import Photometry
 
-__all__ = ["PointsReport", "ingest_points"]
+__all__ = ["PointsIngest", "ingest_points"]
 
 Progress = Callable[[float], None]
 
@@ -49,7 +49,7 @@ _MARGIN = 1e-3
 """Headers round: points may lie outside of what they say by so much of the widest side."""
 
 
-class PointsReport(msgspec.Struct, frozen=True, kw_only=True):
+class PointsIngest(msgspec.Struct, frozen=True, kw_only=True):
     """What ``ingest_points`` did; ``size`` is the number of points.
 
     ``peak_rss_mib`` is the process's peak of anonymous resident memory: mapped files are not its own.
@@ -73,7 +73,7 @@ def ingest_points(
     photometry: Photometry | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> PointsReport:
+) -> PointsIngest:
     """Make points of a file ready, in a folder ``dst`` that ends in ``.points``.
 
     Parameters
@@ -101,7 +101,7 @@ def ingest_points(
             raise
         size = seal(folder)
     assert header.source is not None
-    return PointsReport(
+    return PointsIngest(
         path=str(dst),
         seconds=round(time.perf_counter() - begin, 3),
         peak_rss_mib=round(footprint.peak_mib, 1),

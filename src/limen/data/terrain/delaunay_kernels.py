@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from limen.compiled import compiled
 
-__all__ = ["STALE", "TRIANGLES", "VERTICES", "Mesh", "insert", "insert_on_border", "locate", "start", "touch"]
+__all__ = ["STALE", "TRIANGLES", "VERTICES", "DelaunayMesh", "insert", "insert_on_border", "locate", "start", "touch"]
 
 VERTICES, TRIANGLES, STALE = 0, 1, 2
 """Places in ``counts``."""
 
 
-class Mesh(NamedTuple):
+class DelaunayMesh(NamedTuple):
     """A triangulation that grows; arrays have room for more than ``counts`` says."""
 
     points: NDArray[np.int32]  # (V, 3)

@@ -20,7 +20,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from limen.data.terrain.georeference import bounds_of, metres_of_unit, spacing_of
 from limen.errors import FormatError, InputError
 
-__all__ = ["ElevationSource", "Window"]
+__all__ = ["ElevationSource", "PostRect"]
 
 # GDAL's remarks come through this logger; without a handler Python itself would print them on stderr.
 logging.getLogger("rasterio").addHandler(logging.NullHandler())
@@ -33,7 +33,7 @@ _LARGEST = 1e30
 _CACHE_MIB = 64
 
 
-class Window(NamedTuple):
+class PostRect(NamedTuple):
     """A rectangle of posts."""
 
     column: int
@@ -156,7 +156,7 @@ class ElevationSource:
         """West, south, east, north in the units of ``crs``, of the pixels' outer borders; None if not georeferenced."""
         return bounds_of(self.transform, self.size_posts)
 
-    def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    def read(self, window: PostRect) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         """Heights in metres (rows, columns) of ``dtype``, and True where there are none (the height is 0 there).
 
         Raises FormatError where the file is damaged or cut short.

@@ -16,7 +16,7 @@ from limen.data.store.zarr_group import checked_header, is_group_folder, list_fi
 from limen.data.terrain.georeference import bounds_of
 from limen.data.terrain.info import TerrainInfo
 from limen.data.terrain.model import Nodes, Patch, PatchTable
-from limen.data.terrain.patch_writer import TABLES, Places, decode_patch, triangles_at
+from limen.data.terrain.patch_writer import TABLES, PatchRecords, decode_patch, triangles_at
 from limen.data.terrain.store import KINDS, POSTS_A_CHUNK, VERSION, Header
 from limen.data.terrain.tin_tree import exact_patch
 from limen.errors import InputError
@@ -63,7 +63,7 @@ class Terrain:
     patches: PatchTable
     relief: TerrainPages
     heights: TerrainPages
-    _places: Places
+    _places: PatchRecords
     _chunks: dict[str, Any]
     _posts: Any
     _void: Any
@@ -92,7 +92,7 @@ class Terrain:
             posts, void = group["posts/heights"], group["posts/void"] if header.void_share > 0.0 else None
         caches = TileCache(_PATCH_CACHE_BYTES), TileCache(_POSTS_CACHE_BYTES)
         nodes, patches = Nodes._make([*tables["nodes"], header.roots]), PatchTable._make(tables["patches"])
-        places = Places._make(tables["places"])
+        places = PatchRecords._make(tables["places"])
         return cls(path, header, nodes, patches, relief, heights, places, chunks, posts, void, *caches)
 
     kind: ClassVar[str] = "terrain"

@@ -9,7 +9,7 @@ import msgspec
 
 from limen.data.pages import PAGE, Pyramid
 from limen.data.store.file_type import existing_file
-from limen.data.terrain.elevation import ElevationSource, Window
+from limen.data.terrain.elevation import ElevationSource, PostRect
 
 __all__ = ["TerrainInfo", "elevation_info"]
 
@@ -81,7 +81,7 @@ def _heights(source: ElevationSource) -> tuple[tuple[float, float] | None, float
     width, height = source.size_posts
     low_m, high_m, voids = math.inf, -math.inf, 0
     for row in range(0, height, _ROWS):
-        heights, void = source.read(Window(0, row, width, min(_ROWS, height - row)))
+        heights, void = source.read(PostRect(0, row, width, min(_ROWS, height - row)))
         known = heights[~void]
         voids += void.size - known.size
         if known.size:

@@ -23,7 +23,7 @@ from limen.data.store.atomic import PartialFolder, is_disk_full
 from limen.data.store.file_type import existing_file
 from limen.data.store.memory import Footprint
 from limen.data.store.zarr_group import create_table, seal
-from limen.data.terrain.elevation import ElevationSource, Window
+from limen.data.terrain.elevation import ElevationSource, PostRect
 from limen.data.terrain.file import is_terrain_folder
 from limen.data.terrain.page_kernels import MOST_CODE
 from limen.data.terrain.page_writer import MARGIN, PageWriter, Scale
@@ -34,7 +34,7 @@ from limen.data.terrain.voids import CELL, REACH, complete, fill, pull
 from limen.errors import FormatError, InputError, StorageError
 from limen.system import worker_count
 
-__all__ = ["TerrainReport", "code_range_m", "error_ladder_m", "ingest_terrain"]
+__all__ = ["TerrainIngest", "code_range_m", "error_ladder_m", "ingest_terrain"]
 
 Progress = Callable[[float], None]
 Rect = tuple[int, int, int, int]
@@ -43,7 +43,7 @@ _READ, _FILLED, _PAGED, _GROWN = 0.06, 0.08, 0.2, 0.97
 """Of the time until all is done, about, when each pass ends."""
 
 
-class TerrainReport(msgspec.Struct, frozen=True, kw_only=True):
+class TerrainIngest(msgspec.Struct, frozen=True, kw_only=True):
     """What ``ingest_terrain`` did; ``triangles`` are those of the whole terrain at the finest step of its ladder.
 
     ``peak_rss_mib`` is the process's peak of anonymous resident memory: mapped files are not its own.
@@ -69,7 +69,7 @@ def ingest_terrain(
     spacing_m: float | tuple[float, float] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> TerrainReport:
+) -> TerrainIngest:
     """Make a terrain of a raster of heights, in a folder ``dst`` that ends in ``.terrain``.
 
     ``band`` and ``spacing_m`` are those of `limen.data.terrain.elevation.ElevationSource`. ``progress`` is called with
@@ -93,7 +93,7 @@ def ingest_terrain(
                 raise StorageError(f"{dst}: the disk is full; free some space in {dst.parent}") from error
             raise
         size = seal(folder)
-    return TerrainReport(
+    return TerrainIngest(
         path=str(dst),
         seconds=round(time.perf_counter() - begin, 3),
         peak_rss_mib=round(footprint.peak_mib, 1),
@@ -187,7 +187,7 @@ class _Ingest:
         known = np.zeros(grid.shape, np.bool_)
         low_m, high_m, voids, blocks = math.inf, -math.inf, 0, set()
         for left, top, right, bottom in self._blocks(0.0, _READ):
-            heights, void = self.source.read(Window(left, top, right - left, bottom - top))
+            heights, void = self.source.read(PostRect(left, top, right - left, bottom - top))
             missing = int(void.sum())
             if missing and self.void is None:
                 self.void = create_posts(group, (width, height), np.dtype(np.bool_), "posts/void")

@@ -14,12 +14,12 @@ from limen.data.terrain.model import Nodes, Patch, PatchTable
 from limen.data.terrain.store import CHUNK_TRIANGLES, CHUNK_VERTICES, CHUNKS_A_SHARD, create_chunks
 from limen.data.terrain.tin_tree import Grown
 
-__all__ = ["TABLES", "PatchWriter", "Places", "Tables", "decode_patch", "triangles_at"]
+__all__ = ["TABLES", "PatchRecords", "PatchWriter", "Tables", "decode_patch", "triangles_at"]
 
 Rect = tuple[int, int, int, int]
 
 
-class Places(NamedTuple):
+class PatchRecords(NamedTuple):
     """Where each patch lies, one row a patch; ``chunk`` is -1 for those that are made from the heights."""
 
     chunk: NDArray[np.int32]
@@ -33,10 +33,10 @@ class Tables(NamedTuple):
 
     nodes: Nodes
     patches: PatchTable
-    places: Places
+    places: PatchRecords
 
 
-TABLES = {"nodes": Nodes._fields[:4], "patches": PatchTable._fields, "places": Places._fields}
+TABLES = {"nodes": Nodes._fields[:4], "patches": PatchTable._fields, "places": PatchRecords._fields}
 """Arrays in a terrain's folder, by their groups."""
 
 
@@ -239,7 +239,7 @@ def _tables(blocks: list[list[_Node]]) -> Tables:
             column(row.vertices for row in rows),
             column(row.triangles for row in rows),
         ),
-        Places(
+        PatchRecords(
             column(row.chunk.number if row.chunk else -1 for row in rows),
             column(row.vertex for row in rows),
             column(row.triangle for row in rows),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from limen.data.terrain import border_kernels, delaunay_kernels, tin_kernels
 from limen.data.terrain.border_kernels import Border
-from limen.data.terrain.delaunay_kernels import TRIANGLES, VERTICES, Mesh
+from limen.data.terrain.delaunay_kernels import TRIANGLES, VERTICES, DelaunayMesh
 from limen.errors import InputError
 
 __all__ = ["LARGEST", "Growth", "Tin", "grow", "refine"]
@@ -64,8 +64,8 @@ def checked_errors(errors_m: Sequence[float]) -> list[float]:
     return errors
 
 
-def _new_mesh(triangles: int, vertices: int, taken: NDArray[np.bool_]) -> Mesh:
-    return Mesh(
+def _new_mesh(triangles: int, vertices: int, taken: NDArray[np.bool_]) -> DelaunayMesh:
+    return DelaunayMesh(
         np.empty((vertices, 3), np.int32),
         np.empty((3 * triangles, 2), np.int32),
         np.empty(triangles),
@@ -78,10 +78,10 @@ def _new_mesh(triangles: int, vertices: int, taken: NDArray[np.bool_]) -> Mesh:
     )
 
 
-def _grown(mesh: Mesh, triangles: int, vertices: int) -> Mesh:
+def _grown(mesh: DelaunayMesh, triangles: int, vertices: int) -> DelaunayMesh:
     """The same with more room; what is unused may be anything."""
     bigger = _new_mesh(triangles, vertices, mesh.taken)
-    for name in Mesh._fields:
+    for name in DelaunayMesh._fields:
         old: NDArray[np.generic] = getattr(mesh, name)
         getattr(bigger, name)[: len(old)] = old
     return bigger

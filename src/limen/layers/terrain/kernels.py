@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from limen.compiled import compiled
 
-__all__ = ["Grid", "Tree", "error_px", "finest_demand_m", "nearest_w", "permitted_m", "walk", "wanted_pages"]
+__all__ = ["PageNumbering", "Tree", "error_px", "finest_demand_m", "nearest_w", "permitted_m", "walk", "wanted_pages"]
 
 _TINY_W = 1e-9
 _MOST_PX = 1e30
@@ -31,7 +31,7 @@ class Tree(NamedTuple):
     roots: int
 
 
-class Grid(NamedTuple):
+class PageNumbering(NamedTuple):
     """A pyramid's numbering, one entry a level."""
 
     columns: NDArray[np.int64]

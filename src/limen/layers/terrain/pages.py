@@ -21,12 +21,12 @@ from limen.layers.terrain.forms import terrain_forms
 from limen.layers.terrain.select import TerrainCut
 from limen.viewing.projection import PanelProjections
 
-__all__ = ["OWN_TEXEL_FROM_POST", "Faint", "TerrainPages", "pages_for_terrain", "texel_tolerance_px"]
+__all__ = ["OWN_TEXEL_FROM_POST", "Faint", "NeededPages", "pages_for_terrain", "texel_tolerance_px"]
 
 OWN_TEXEL_FROM_POST = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 
 
-class TerrainPages(NamedTuple):
+class NeededPages(NamedTuple):
     """Pages that a cut of a terrain needs, the most important first."""
 
     pages: NDArray[np.int64]  # (K,): distinct page numbers
@@ -58,7 +58,7 @@ def pages_for_terrain(
     *,
     texel_from_post: Floats | None = None,
     faint: Faint | None = None,
-) -> TerrainPages:
+) -> NeededPages:
     """The pages of a texture laid over the terrain that the panels' pixels ask for.
 
     For every pixel that shows a place of the cut, the page of its level at that place is among them, and all coarser
@@ -92,7 +92,7 @@ def pages_for_terrain(
     low_high = nodes.low_high_m[node].astype(float)
     box = np.column_stack([corners.min(axis=1), low_high[:, :1], corners.max(axis=1), low_high[:, 1:]])
     levels = pyramid.levels
-    grid = kernels.Grid(
+    grid = kernels.PageNumbering(
         np.array([level.columns for level in levels], dtype=np.int64),
         np.array([level.rows for level in levels], dtype=np.int64),
         np.array([level.first_page for level in levels], dtype=np.int64),
@@ -116,4 +116,4 @@ def pages_for_terrain(
     )
     wanted = np.flatnonzero(importance)
     wanted = wanted[np.argsort(-importance[wanted], kind="stable")]
-    return TerrainPages(wanted, importance[wanted])
+    return NeededPages(wanted, importance[wanted])

@@ -18,7 +18,7 @@ from limen.errors import InputError
 from limen.geometry import Floats, Vec3
 from limen.layers.common.page_detail import Detail
 from limen.layers.terrain.look_at import Flight, check_stands, fitted_range_m, in_flight, room_from_posts
-from limen.layers.terrain.pages import Faint, TerrainPages, pages_for_terrain
+from limen.layers.terrain.pages import Faint, NeededPages, pages_for_terrain
 from limen.layers.terrain.select import TerrainCut, select_terrain
 from limen.viewing.choices import CAMERAS, CameraKind, Mode
 from limen.viewing.panel_demands import PanelDemands, Rule, panel_demands
@@ -92,8 +92,8 @@ class Choice(NamedTuple):
     views: PanelProjections
     allowed_px: Floats
     cut: TerrainCut
-    pages: TerrainPages
-    drape_pages: TerrainPages
+    pages: NeededPages
+    drape_pages: NeededPages
     select_s: float
 
 
@@ -175,7 +175,7 @@ class TerrainSelector:
 
     def _pages(
         self, cut: TerrainCut, quilt: Quilt, views: PanelProjections, allowed_px: Floats, hides_faint: NDArray[np.bool_]
-    ) -> tuple[TerrainPages, TerrainPages]:
+    ) -> tuple[NeededPages, NeededPages]:
         """Pages of relief and heights, and of the drape.
 
         The drape alone is hidden where it is faint: what contrast relief and heights show is for light and colours to
@@ -185,7 +185,7 @@ class TerrainSelector:
         nodes, patches, pyramid = scenery.nodes, scenery.patches, scenery.pyramid
         pages = pages_for_terrain(cut, nodes, patches, pyramid, views, quilt.size_px, place, allowed_px)
         if scenery.drape_pyramid is None or scenery.texel_from_post is None:
-            return pages, TerrainPages(pages.pages[:0], pages.importance[:0])
+            return pages, NeededPages(pages.pages[:0], pages.importance[:0])
         hidden = None
         if scenery.drape_detail is not None and hides_faint.any():
             hidden = Faint(scenery.drape_detail(), hides_faint)

@@ -32,7 +32,7 @@ from limen.viewing.placement import OnSurface
 from limen.viewing.projection import QuiltPanels
 from limen.viewing.tolerance import Tolerance
 
-__all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "Drawn", "ImageLayer", "Overlay", "Sampling", "drawable_of"]
+__all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "ImageLayer", "Overlay", "PlacedPages", "Sampling", "drawable_of"]
 
 Sampling: TypeAlias = Literal["sharp", "fast"]
 Overlay: TypeAlias = Literal["levels", "exact", "error"]
@@ -58,17 +58,19 @@ _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operat
 """Levels that blend into each other are painted over each other, the coarsest first."""
 
 
-class Drawn(NamedTuple):
+class PlacedPages(NamedTuple):
     """Where the pages are that a frame draws."""
 
     pairs: Drawable | None  # of `Cut.pair_page`
     table: PageTable | None  # for pixels that look pages up
 
 
-def drawable_of(stream: PageStream, view: ImageOnDisplay, cut: Cut) -> Drawn:
+def drawable_of(stream: PageStream, view: ImageOnDisplay, cut: Cut) -> PlacedPages:
     """What of a cut is there to be drawn."""
     looked_up = view.maps is None or view.cells is not None
-    return Drawn(None if view.maps is None else stream.drawable(cut.pair_page), stream.table() if looked_up else None)
+    return PlacedPages(
+        None if view.maps is None else stream.drawable(cut.pair_page), stream.table() if looked_up else None
+    )
 
 
 class ImageLayer:
@@ -125,7 +127,7 @@ class ImageLayer:
     def draw(
         self,
         cut: Cut,
-        drawable: Drawn,
+        drawable: PlacedPages,
         tolerance: Tolerance,
         quilt: Quilt,
         *,
@@ -233,7 +235,7 @@ class ImageLayer:
     # ------------------------------------------------------------------ steps of a draw
 
     def _write(
-        self, cut: Cut, drawable: Drawn, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
+        self, cut: Cut, drawable: PlacedPages, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
     ) -> tuple[int, int]:
         """Hand the frame over; returns how many quads and cells are to be drawn."""
         if any(quilt.turns):
