@@ -18,7 +18,7 @@ from limen.data.pages import PAGE
 from limen.layers.image.select import select
 from limen.stream.pages import PageStream
 from limen.study.bench import measure_walk, one_to_one_room, walk_viewers
-from limen.study.blank import Blank
+from limen.study.blank_source import Blank
 from limen.system import worker_count
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import tolerance_of

@@ -13,7 +13,7 @@ from limen.cli import verify as verb
 from limen.cli.app import main
 from limen.errors import InputError
 from limen.study.charts import chart
-from limen.study.controls import Control
+from limen.study.observer_controls import Control
 
 
 def limen(*words: object) -> int:

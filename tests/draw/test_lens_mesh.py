@@ -19,7 +19,7 @@ from limen.layers.image.lens_cells import NOBODY
 from limen.layers.image.renderer import Renderer
 from limen.layers.image.select import view_of
 from limen.study.bench_lens import measured
-from limen.study.blank import Blank
+from limen.study.blank_source import Blank
 from limen.viewing.lens import Lens, sharpest_bend, source_of
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy

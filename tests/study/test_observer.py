@@ -15,8 +15,8 @@ from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study import observer as module
 from limen.study.charts import chart
-from limen.study.controls import run_controls
 from limen.study.observer import GAZE_FALLOFF, INSTALL, Observer, Verdict
+from limen.study.observer_controls import run_controls
 from limen.vision.contrast import sensitivity
 
 MEAN = 100 / 300

@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch", reason="NO INDEPENDENT OBSERVER: torch is n
 
 @pytest.mark.parametrize(("kernel", "sigma"), [(13, 3.0), (5, 0.8)])
 def test_the_blur_is_a_gaussian_cut_off_and_mirrored(kernel: int, sigma: float) -> None:
-    from limen.study.standins import GaussianBlur
+    from limen.study.torchvision_shim import GaussianBlur
 
     image = np.random.default_rng(0).random((3, 1, 40, 31)).astype(np.float32)
     blurred = GaussianBlur(kernel, sigma).forward(torch.from_numpy(image)).numpy()
@@ -25,7 +25,7 @@ def test_the_blur_is_a_gaussian_cut_off_and_mirrored(kernel: int, sigma: float) 
 
 def test_the_blur_is_torchvisions() -> None:
     transforms = pytest.importorskip("torchvision.transforms")
-    from limen.study.standins import GaussianBlur
+    from limen.study.torchvision_shim import GaussianBlur
 
     image = torch.rand(2, 1, 40, 31)
     assert torch.allclose(
@@ -35,7 +35,7 @@ def test_the_blur_is_torchvisions() -> None:
 
 @pytest.mark.skipif(importlib.util.find_spec("torchvision") is not None, reason="torchvision is installed here")
 def test_the_stand_in_is_there_only_while_it_is_needed() -> None:
-    from limen.study.standins import GaussianBlur, torchvision_stood_in_for
+    from limen.study.torchvision_shim import GaussianBlur, torchvision_stood_in_for
 
     def use() -> None:
         with torchvision_stood_in_for():

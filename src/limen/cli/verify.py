@@ -20,8 +20,8 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.gpu.device import open_device
 from limen.layers.image.select import view_of
-from limen.study.controls import Control, run_controls
 from limen.study.observer import Observer
+from limen.study.observer_controls import Control, run_controls
 from limen.study.plots import format_of
 from limen.study.traffic import detail_of
 from limen.study.verdict_plot import verdict_plot

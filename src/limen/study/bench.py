@@ -28,7 +28,7 @@ from limen.stream.chunks import completed
 from limen.stream.pages import PageStream
 from limen.study.bench_lens import LensRow, bench_lens
 from limen.study.bench_panels import PanelsRow, bench_panels
-from limen.study.blank import Blank
+from limen.study.blank_source import Blank
 from limen.study.charts import CHARTS, chart
 from limen.study.kernels import kernel_rows
 from limen.study.observer import Observer

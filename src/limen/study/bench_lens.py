@@ -25,7 +25,7 @@ from limen.display.panel import Panel
 from limen.gpu.device import open_device
 from limen.layers.image.lens_cells import lens_cells
 from limen.layers.image.renderer import Renderer
-from limen.study.blank import Blank
+from limen.study.blank_source import Blank
 from limen.viewing.lens import Lens, shown_at
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy

@@ -32,7 +32,7 @@ from limen.data.store.resample import LINEAR_OF_SRGB, srgb_of_linear
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.study.filters import resampled
-from limen.study.gliding import gliding
+from limen.study.retinal_motion import gliding
 
 __all__ = [
     "INSTALL",
@@ -339,7 +339,7 @@ def _packages() -> tuple[Any, Any]:
         with _silence():
             import torch
 
-            from limen.study.standins import torchvision_stood_in_for
+            from limen.study.torchvision_shim import torchvision_stood_in_for
 
             with torchvision_stood_in_for():
                 import pycvvdp

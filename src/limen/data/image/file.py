@@ -25,7 +25,7 @@ from limen.data.image import vips
 from limen.data.image.bigtiff import SOFTWARE
 from limen.data.image.contrast_file import faint_shares
 from limen.data.image.deepzoom import DeepZoomLevel, open_deepzoom
-from limen.data.image.softness import soft_from
+from limen.data.image.pyramid_filter import soft_from
 from limen.data.image.tiff import TiffImage, TiffLevel
 from limen.data.image.tiles import ArrayLevel, DerivedLevel, TileLevel, read_rectangle
 from limen.data.pages import GUTTER, PAGE, Pyramid
