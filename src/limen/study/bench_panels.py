@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
@@ -32,10 +32,7 @@ from limen.errors import DeviceLimitError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.layers.mesh.draw.drawer import SceneLayer
-from limen.layers.mesh.draw.sort import TriangleSorter
-from limen.layers.mesh.draw.sorter import Sorter
-from limen.study.baselines.sort_paper import PaperSorter
-from limen.study.baselines.sort_whole import OctreeSorter, WholeScene
+from limen.study.baselines.methods import METHODS, Method
 from limen.viewing.projection import QuiltPanels
 
 __all__ = [
@@ -65,14 +62,6 @@ DISPLAYS: dict[str, tuple[str, dict[str, float]]] = {
 }
 """Shapes and their parameters; the icosphere's 1,280 panels have aims of their own."""
 
-Method: TypeAlias = Literal["limen", "paper", "hierarchy", "per-panel"]
-METHODS: dict[Method, type[Sorter]] = {
-    "limen": TriangleSorter,
-    "paper": PaperSorter,
-    "hierarchy": OctreeSorter,
-    "per-panel": WholeScene,
-}
-"""Ways to find the panels of a triangle: limen's own, and those that it is compared with."""
 
 _EVERY: tuple[Method, ...] = tuple(METHODS)
 _TWO: tuple[Method, ...] = ("limen", "paper")
