@@ -1,15 +1,19 @@
-"""A mesh on the screens of this machine: every window shows its quilt, all of one moment."""
+"""Content on the screens of this machine: every window shows its quilt, all of one moment."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import wgpu
 from numpy.typing import NDArray
+from PIL import Image as Picture
 
+import limen
 from limen.data.mesh.mesh import Mesh
 from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
@@ -17,6 +21,9 @@ from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.show.window import Surface
+from limen.viewing.lens import Lens
+from limen.viewing.placement import OnSurface
+from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
@@ -117,3 +124,45 @@ def test_which_screen_an_output_means(output: str, names: list[str], screen: int
     from limen.show.live_outputs import _screen_of
 
     assert _screen_of(output, names) == screen
+
+
+def test_an_image_fills_every_window_with_its_quilt(device: Any, tmp_path: Path) -> None:
+    """Pages come while frames are drawn; all windows of a frame show one choice, with the lens where it is then."""
+    from limen.layers.image.renderer import LensMoves, Renderer
+    from limen.show.image_stage import ImageExhibit
+    from limen.show.live_outputs import LiveOutputs
+
+    texels = np.random.default_rng(5).integers(30, 256, (300, 600, 3), dtype=np.uint8)
+    Picture.fromarray(texels.repeat(3, axis=0).repeat(3, axis=1)).save(tmp_path / "image.png")
+    full, lens = Policy("full"), Lens((900.0, 450.0), 200.0, 3.0)
+    with limen.open(tmp_path / "image.png") as image:  # type: ignore[union-attr]
+        moves = LensMoves(moving=lambda time_s: (lens,) if time_s >= 1 else ())
+        exhibit = ImageExhibit(image, full, OnSurface("cover"), moves)
+        live = LiveOutputs(device, exhibit, MAPPED, VIEWER)
+        for time_s in (0.0, 1.0):
+            missing, frames = 1, 0
+            while missing or frames < 20:  # pages that came late fade in by the clock
+                windows = [draw(device, live, k, quilt.size_px, time_s) for k, quilt in enumerate(MAPPED.quilts)]
+                (first, second), frames = live.last, frames + 1
+                assert first is not None
+                assert second is not None
+                assert first.report is second.report, "of one choice"
+                missing = first.report.missing + first.report.uploads
+                time.sleep(0.02)
+            placement = OnSurface("cover", lenses=(lens,) if time_s else ())
+            with Renderer(device, MAPPED, image, placement) as renderer:
+                quilts = [picture.copy() for _, picture, _ in renderer.quilt_pictures([VIEWER], full)]
+            for window, quilt in zip(windows, quilts, strict=True):
+                assert (np.abs(window.astype(int) - quilt).max(axis=-1) <= 1).mean() > 0.999
+        live.close()
+
+
+def test_an_image_is_not_shown_as_an_eye_would_see_the_wall(device: Any, tmp_path: Path) -> None:
+    from limen.show.image_stage import ImageExhibit
+
+    Picture.new("RGB", (600, 300), (90, 140, 60)).save(tmp_path / "image.png")
+    with limen.open(tmp_path / "image.png") as image:  # type: ignore[union-attr]
+        stage = ImageExhibit(image, Policy("full"), OnSurface()).on(device, MAPPED)
+        with pytest.raises(InputError, match="not built of images"):
+            stage.textures([VIEWER], overlay=False)
+        stage.close()

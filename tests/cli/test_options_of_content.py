@@ -60,9 +60,6 @@ def showing() -> Verb:
 @pytest.mark.parametrize("way", WAYS)
 def test_show_hears_or_refuses(kind: Kind, way: Way, show: Desk, showing: Verb) -> None:
     base = (NAMES[kind], showing.values(*WAYS_WORDS[way]))
-    if (kind, way) == ("image", "outputs"):
-        assert "--window: a display's [[quilt]]" in show.call(showing, *base)[0]
-        return
     one_of_each = showing.by_option(*(word for attempt in TRIES.values() for word in attempt.words))
     assert set(one_of_each) == set(TRIES)
     for option, row in SHOW.items():
@@ -82,7 +79,8 @@ def test_show_hears_or_refuses(kind: Kind, way: Way, show: Desk, showing: Verb) 
 
 TOGETHER: list[tuple[tuple[str, ...], str]] = [
     (("image.tif", "--out", "out", "--window", "outputs", "--display", "wall.toml"), "--window says where"),
-    (("image.tif", "--out", "out", "--write", "quilts"), "quilts are written of meshes and points alone"),
+    (("terrain.tif", "--out", "out", "--write", "quilts"), "of terrains, pictures of every panel are written"),
+    (("image.tif", "--display", "wall.toml", "--window", "eye"), "--window eye is not built of images"),
     (("terrain.tif", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes"),
     (("points.ply", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes"),
     (("mesh.ply", "--stereo", "sequential"), "give --stereo none or anaglyph, or --out"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from limen.display.display import Display
-from limen.display.quilt import Quilt, pack, pieces
+from limen.display.quilt import pack, pieces
 from limen.errors import InputError
 from limen.layers.image.draw.drawer import ImageLayer, drawable_of
 from limen.layers.image.draw.feedback import Feedback
@@ -83,17 +83,6 @@ def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: 
             texture = layer.draw(cut, drawable, _FULL, pack(display)[0], eye_m=_EYE)
         assert (layer.read(texture) == 0).all()
         layer.destroy()
-
-
-def test_a_quilt_with_a_turned_panel_is_refused(studio: Any, memory_image: Any, texels: Any) -> None:
-    """Images are not drawn turned; silently upright, they would lie over a neighbour."""
-    image, display = memory_image(texels), Display.window((300, 200))
-    view = view_of(display, image.pyramid, PLACEMENTS["surface"])
-    cut = select(view, _FULL)
-    layer = ImageLayer(studio.device, view, studio.pool)
-    with studio.stream(image) as stream, pytest.raises(InputError, match="pack the panels without turns"):
-        layer.draw(cut, drawable_of(stream, view, cut), _FULL, Quilt((200, 300), (0,), ((0, 0),), (1,)))
-    layer.destroy()
 
 
 def test_the_overlay_tints_by_level(studio: Any, memory_image: Any) -> None:

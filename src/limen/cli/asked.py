@@ -63,8 +63,8 @@ class WindowOptions:
     window: Annotated[
         Literal["eye", "outputs"] | None,
         Parameter(
-            help="Of anything but an image: what the viewer's eye sees of the simulated display (if not given); or the "
-            "display's quilts, each on the screen that it is named after in the display file."
+            help="eye: what the viewer's eye sees of the simulated display (if not given; images are shown unrolled). "
+            "outputs: the display's quilts, each on the screen that it is named after in the display file."
         ),
     ] = None
     seconds: Annotated[float | None, Parameter(help="Close the window after this long.")] = None

@@ -97,18 +97,13 @@ SHOW: dict[str, Heard] = {
     "--format": Heard(ways=("files",)),
     "--simulate": Heard(ways=("files",)),
     "--seen-from": Heard(("mesh", "points", "terrain"), ("files",)),
-    "--window": Heard(
-        ("mesh", "points", "terrain"),
-        ("wall", "outputs"),
-        "a display's [[quilt]] are not drawn of images yet: leave it out for the unrolled wall in one window, or give "
-        "--out for a picture of every panel",
-    ),
+    "--window": Heard(ways=("wall", "outputs")),
     "--seconds": Heard(ways=_WINDOWS),
     **dict.fromkeys(("--size-m", "--at", "--up", "--turn-deg", "--tilt-deg", "--animate", "--background"), _STANDS),
     "--stereo": _MESH,
     "--depth": _MESH,
     "--write": Heard(
-        ("mesh", "points"), ("files",), "quilts are written of meshes and points alone, of anything else every panel"
+        ("image", "mesh", "points"), ("files",), "of terrains, pictures of every panel are written, and no quilts"
     ),
     **dict.fromkeys((*_LOOKED_AT, *_LOOKS), _TERRAIN),
     "--splats": _POINTS,

@@ -29,6 +29,7 @@ from limen.layers.mesh.renderer import SceneReport, Simplified
 from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.renderer import TerrainReport
 from limen.layers.terrain.resources import Draped
+from limen.show.image_stage import ImageExhibit
 from limen.show.live import LiveSettings, run_live
 from limen.show.stage import MeshExhibit
 from limen.show.terrain_stage import TerrainExhibit
@@ -104,7 +105,7 @@ def _draw(
         placement = OnSurface(
             wishes.fit or "contain", lenses=wishes.lenses.lenses(), tessellation=wishes.lenses.tessellation
         )
-        _show_image(opened, asked, policy, placement, wishes.lenses, folder, out)
+        _show_image(opened, asked, policy, placement, wishes, folder, out)
     elif isinstance(opened, Mesh):
         _show_mesh(opened, simplified_mesh(out, opened, policy), asked, wishes.mesh, folder, out)
     elif opened.kind == "points":
@@ -212,12 +213,12 @@ def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, ou
 
 
 def _show_image(
-    content: Image, asked: Asked, policy: Policy, placement: OnSurface, lenses: LensOptions, folder: Path | None,
+    content: Image, asked: Asked, policy: Policy, placement: OnSurface, wishes: ShowOptions, folder: Path | None,
     out: Output,
 ) -> None:  # fmt: skip
     shown = asked.shown
     overlay: Overlay | None = "levels" if asked.overlay == "levels" else "error" if asked.overlay == "error" else None
-    moves = lenses.moves()
+    moves = wishes.lenses.moves()
     if moves.carried:
         # A session is made or read only where it is wanted.
         moves = moves._replace(pointers=asked.pointers())
@@ -225,6 +226,15 @@ def _show_image(
         raise InputError(
             "--lens pointer,...: nobody points: give a --session with pointers (limen walk --pointers 1 makes one)"
         )
+    if asked.windows.window == "eye":
+        raise InputError(
+            "--window eye is not built of images, which are shown as they lie on a wall: give outputs, or leave it out"
+        )
+    if asked.windows.window == "outputs":
+        exhibit = ImageExhibit(content, policy, placement, moves, overlay or "levels")
+        reports = [last.report for last in show_live(exhibit, asked, out)]
+        out.result({"frames": [image_row(report, []) for report in reports]})
+        return
     if folder is None or shown is None:
         settings = LiveSettings(
             policy,
@@ -236,10 +246,12 @@ def _show_image(
         last = run_live(content, shown, asked.tour() if shown or asked.gaze else None, settings, out.say)
         out.result({"frames": [image_row(last, [])] if last else []})
         return
+    check_quilts(wishes.mesh, shown, asked.files.scale)
     rows = list(
         write_image_frames(
             out, content, shown, asked.moments(), policy, placement, folder, asked.files.picture_format,
             scale=asked.files.scale, overlay=overlay, simulate=asked.files.simulate, moves=moves,
+            write=wishes.mesh.write,
         )
     )  # fmt: skip
     print_image_rows(out, rows, folder)

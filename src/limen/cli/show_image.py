@@ -7,10 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
+from limen.cli.options.mesh import Write
 from limen.cli.output import Output
 from limen.data.image.file import Image
 from limen.display.display import Display
+from limen.display.quilt import pieces
 from limen.gpu.device import open_device
 from limen.layers.image.draw.drawer import Overlay
 from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
@@ -62,8 +66,9 @@ def write_image_frames(
     overlay: Overlay | None,
     simulate: bool,
     moves: LensMoves,
+    write: Write = "panels",
 ) -> Iterator[FrameRow]:
-    """Write what every panel shows, frame by frame; pages and errors are told of the true panels at any scale."""
+    """Write what panels or quilts show, frame by frame; pages and errors are told of the true panels at any scale."""
     shown = display if scale == 1.0 else display.scaled(scale)
     with open_device() as device, Renderer(device, shown, image, placement) as renderer:
         total = len(moments) * len(display.panels)
@@ -73,29 +78,32 @@ def write_image_frames(
                 if moves.any:
                     moves.place(renderer, placement, viewers[0].time_s)
                 cut = renderer.wanted(viewers, policy, display)
-                files, pictures, reports = [], {}, []
-                drawn = renderer.pictures(viewers, policy, overlay=overlay)
-                for name, picture, report in drawn:
-                    files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
-                    reports.append(report)
+                files: list[str] = []
+                seen: dict[str, NDArray[np.uint8]] = {}
+                reports: list[FrameReport] = []
+                drawn = renderer.quilt_pictures(viewers, policy, overlay=overlay)
+                for quilt, (name, picture, report) in zip(renderer.quilts, drawn, strict=True):
+                    parts = pieces(shown, quilt, picture)
+                    for part, shot in ({name: picture} if write == "quilts" else parts).items():
+                        files.append(str(write_picture(target / f"{part.replace('/', '-')}.{suffix}", shot)))
                     if simulate:
-                        pictures[name] = thumbnail(picture)
-                    step(1)
+                        seen |= {part: thumbnail(shot) for part, shot in parts.items()}
+                    reports.append(report)
+                    step(len(parts))
                 if simulate:
-                    room = draw_room(display, pictures=pictures, viewers=viewers)
+                    room = draw_room(display, pictures=seen, viewers=viewers)
                     files.append(str(write_picture(target / f"room.{suffix}", room)))
-                    files.append(str(write_picture(target / f"surface.{suffix}", draw_surface(display, pictures))))
+                    files.append(str(write_picture(target / f"surface.{suffix}", draw_surface(display, seen))))
                 yield _summary(reports, len(cut), cut.error_px, files)
 
 
 def _summary(reports: Sequence[FrameReport], pages: int, error_px: float, files: list[str]) -> FrameRow:
-    """One row for all quilts of a frame (a report comes with every panel; those of one quilt are one object)."""
-    quilts = list({id(report): report for report in reports}.values())
-    row = image_row(quilts[0], files)
-    row.panels_active = sum(report.panels_active for report in quilts)
+    """One row for all quilts of a frame."""
+    row = image_row(reports[0], files)
+    row.panels_active = sum(report.panels_active for report in reports)
     row.pages, row.max_error_px = pages, error_px
     for part in ("triangles", "missing", "select_ms", "stream_ms", "draw_ms"):
-        setattr(row, part, sum(getattr(report, part) for report in quilts))
+        setattr(row, part, sum(getattr(report, part) for report in reports))
     return row
 
 

@@ -30,9 +30,10 @@ from limen.display.mapping import overlaps, quilt_outlines
 from limen.display.packing import GUARD_PX
 from limen.display.panel import MAX_OUTLINE_CORNERS
 from limen.display.quilt import Quilt
+from limen.errors import DeviceLimitError
 from limen.geometry import Floats, Vec3
 
-__all__ = ["GUARD_PX", "NEAR_M", "PanelProjections", "QuiltPanels", "guard_of", "quilt_from_room"]
+__all__ = ["GUARD_PX", "NEAR_M", "PanelProjections", "QuiltPanels", "check_quilt_sizes", "guard_of", "quilt_from_room"]
 
 NEAR_M = 0.02
 """What is nearer to the eye than about this is cut away, unless it is known where things begin."""
@@ -187,6 +188,23 @@ class QuiltPanels:
 def guard_of(display: Display, quilt: Quilt) -> float:
     """How far beyond outlines the panels of a quilt can be drawn, pixels: `GUARD_PX` where all are far enough apart."""
     return 0.0 if any(overlaps(quilt_outlines(display, quilt), 2 * GUARD_PX)) else GUARD_PX
+
+
+def check_quilt_sizes(quilts: Sequence[Quilt], max_texture_px: int, copies: int = 1) -> None:
+    """Quilts that limen packs fit the adapter; those of a display's own mapping may not.
+
+    Raises
+    ------
+    DeviceLimitError
+        If one is wider or higher than the adapter's textures, for so many eyes side by side.
+    """
+    for number, quilt in enumerate(quilts):
+        width, height = quilt.size_px[0] * copies, quilt.size_px[1]
+        if max(width, height) > max_texture_px:
+            raise DeviceLimitError(
+                f"quilt '{quilt.output or number}' of the display's own mapping is {width} x {height} px for {copies} "
+                f"eye(s), this adapter holds {max_texture_px} px a side: map its panels to several quilts, or to none"
+            )
 
 
 class _Lines(NamedTuple):

@@ -24,7 +24,7 @@ from limen.gpu.pool import PagePool
 from limen.layers.common.known_contrast import KnownContrast
 from limen.layers.common.page_detail import Detail
 from limen.layers.image.cut import Cut
-from limen.layers.image.draw.drawer import ImageLayer, Overlay, Sampling, drawable_of
+from limen.layers.image.draw.drawer import ImageLayer, Overlay, PlacedPages, Sampling, drawable_of
 from limen.layers.image.draw.lens_mesh import Triangles
 from limen.layers.image.select import ImageOnDisplay, select, view_of
 from limen.stream.chunks import completed
@@ -32,10 +32,11 @@ from limen.stream.pages import PageStream
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface, Placement, carried_lenses
 from limen.viewing.policy import Policy
+from limen.viewing.projection import check_quilt_sizes, guard_of
 from limen.viewing.tolerance import Tolerance, tolerance_of
 from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
-__all__ = ["GPU_BYTES", "LOOKAHEAD_S", "FrameReport", "LensMoves", "Renderer", "select_ahead"]
+__all__ = ["GPU_BYTES", "LOOKAHEAD_S", "Chosen", "FrameReport", "LensMoves", "Renderer", "select_ahead"]
 
 GPU_BYTES = 512 << 20
 """Memory for pages on the GPU, unless told otherwise: 1,800 pages."""
@@ -67,6 +68,16 @@ class FrameReport:
     """That lenses were drawn in; of live frames, nobody waits to count them."""
     scale: float = 1.0
     """Panels were drawn with so many times their true pixels along each side; all that is told is of these."""
+
+
+class Chosen(NamedTuple):
+    """What a live frame shows on all panels, before it is drawn."""
+
+    cut: Cut
+    pages: PlacedPages
+    tolerance: Tolerance
+    eye_m: tuple[float, float, float] | None
+    report: FrameReport
 
 
 class Renderer:
@@ -113,9 +124,12 @@ class Renderer:
         self.view: ImageOnDisplay = view_of(display, image.pyramid, placement or OnSurface())
         widest = max(panel.size_px[0] * panel.size_px[1] for panel in display.panels)
         self._pack = partial(pack, display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, widest))
-        self.quilts = self._pack()
+        self.quilts: Sequence[Quilt] = display.quilts or self._pack()
+        # Panels that limen packs touch; where hardware says how they lie, what is beside them may be seen.
+        self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts) if display.quilts else 0.0
+        check_quilt_sizes(self.quilts, device.max_texture_px)
         self._pool = PagePool(device, gpu_bytes)
-        self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling)
+        self._layer = ImageLayer(device, self.view, self._pool, sampling=sampling, guard_px=self.guard_px)
         self._stream = PageStream(
             image,
             self._pool.slots,
@@ -145,6 +159,14 @@ class Renderer:
         with ``target``, a texture view of its size, they are drawn there. ``now_s`` is the time of the show that pages
         fade in by; without it they fade in by the computer's clock.
         """
+        chosen = self.choose(viewers, policy, now_s=now_s)
+        begin = time.perf_counter()
+        for each in [quilt] if quilt else self.quilts:
+            self.draw(chosen, each, overlay=overlay, target=target, target_format=target_format)
+        return replace(chosen.report, draw_ms=(time.perf_counter() - begin) * 1e3)
+
+    def choose(self, viewers: Sequence[Viewer], policy: Policy, *, now_s: float | None = None) -> Chosen:
+        """The first half of a frame: what it shows on all panels, of what is there; what is missing is asked for."""
         begin = time.perf_counter()
         tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
         view = self._seen_by(policy)
@@ -153,15 +175,26 @@ class Renderer:
         soon = select_ahead(view, policy, viewers, self._earlier, LOOKAHEAD_S)
         self._earlier = tuple(viewers)
         update = self._stream.update(cut.pages, soon=soon, now_s=begin if now_s is None else now_s)
-        drawable = drawable_of(self._stream, self.view, cut)
-        streamed = time.perf_counter()
+        pages = drawable_of(self._stream, self.view, cut)
+        clock = (begin, selected, time.perf_counter(), time.perf_counter())
         self._pool.write(update.arrived)
-        for each in [quilt] if quilt else self.quilts:
-            self._layer.draw(
-                cut, drawable, tolerance, each, eye_m=eye_m, overlay=overlay, target=target, target_format=target_format
-            )
-        clock = (begin, selected, streamed, time.perf_counter())
-        return self._report(viewers, policy, cut, update.statistics.missing, len(update.arrived), clock)
+        report = self._report(viewers, policy, cut, update.statistics.missing, len(update.arrived), clock)
+        return Chosen(cut, pages, tolerance, eye_m, report)
+
+    def draw(
+        self,
+        chosen: Chosen,
+        quilt: Quilt,
+        *,
+        overlay: Overlay | None = None,
+        target: Any = None,
+        target_format: str = "rgba8unorm-srgb",
+    ) -> None:
+        """The second half: one quilt of it."""
+        self._layer.draw(
+            chosen.cut, chosen.pages, chosen.tolerance, quilt, eye_m=chosen.eye_m, overlay=overlay, target=target,
+            target_format=target_format,
+        )  # fmt: skip
 
     # ------------------------------------------------------------------ complete
 
@@ -177,11 +210,32 @@ class Renderer:
 
         Waits for pages; an array is only valid until the next is asked for. ``panels``: only those of these indices.
         """
+        # A part of the display has no quilts of its own that its owner would know.
+        quilts = self.quilts if panels is None else self._pack(panels=panels)
+        for quilt, image, report in self._finished(viewers, policy, overlay, quilts):
+            for name, picture in pieces(self.view.display, quilt, image).items():
+                yield name, picture, report
+
+    def quilt_pictures(
+        self, viewers: Sequence[Viewer], policy: Policy, *, overlay: Overlay | None = None
+    ) -> Iterator[tuple[str, NDArray[np.uint8], FrameReport]]:
+        """Every quilt as it is drawn, named by its output or its number: (name, uint8 (H, W, 4) sRGB, report).
+
+        An array is only valid until the next is asked for.
+        """
+        drawn = self._finished(viewers, policy, overlay, self.quilts)
+        for number, (quilt, image, report) in enumerate(drawn):
+            yield quilt.output or f"quilt-{number}", image, report
+
+    def _finished(
+        self, viewers: Sequence[Viewer], policy: Policy, overlay: Overlay | None, quilts: Sequence[Quilt]
+    ) -> Iterator[tuple[Quilt, NDArray[np.uint8], FrameReport]]:
+        """Quilts with all pages there that they want and that can be read."""
         tolerance, eye_m = tolerance_of(viewers, policy), _first_eye(viewers)
         if policy.name == "contrast":
             self._contrast.complete()
         detail = self._seen_by(policy).detail
-        for quilt in self.quilts if panels is None else self._pack(panels=panels):
+        for quilt in quilts:
             begin = time.perf_counter()
             cut = self._select_part(quilt, detail, tolerance, eye_m)
             selected = time.perf_counter()
@@ -192,9 +246,7 @@ class Renderer:
             image = self._layer.read(texture)
             clock = (begin, selected, streamed, time.perf_counter())
             report = self._report(viewers, policy, cut, missing, uploads, clock)
-            report = replace(report, triangles=self._layer.triangle_count)
-            for name, picture in pieces(self.view.display, quilt, image).items():
-                yield name, picture, report
+            yield quilt, image, replace(report, triangles=self._layer.triangle_count)
 
     def wanted(self, viewers: Sequence[Viewer], policy: Policy, display: Display) -> Cut:
         """What a frame of the same image asks for on other panels than are drawn: the true ones of a preview.

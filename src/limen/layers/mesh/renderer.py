@@ -18,7 +18,7 @@ from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt, pieces
-from limen.errors import DeviceLimitError, InputError
+from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
@@ -33,7 +33,7 @@ from limen.layers.mesh.select import Extent, FoldRequest, FoldTree, MeshCut, sel
 from limen.viewing.camera import Camera
 from limen.viewing.choices import STEREOS, Depth, Stereo
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelProjections, QuiltPanels, guard_of
+from limen.viewing.projection import PanelProjections, QuiltPanels, check_quilt_sizes, guard_of
 from limen.viewing.tolerance import STANDS, tolerance_of
 from limen.viewing.viewer import Viewer
 
@@ -173,7 +173,7 @@ class SceneRenderer:
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
             display, max_size_px=device.max_texture_px // copies, max_px=max(max_quilt_px // copies, 2 * widest)
         )
-        _check_sizes(self.quilts, copies, device.max_texture_px)
+        check_quilt_sizes(self.quilts, device.max_texture_px, copies)
         self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
         self._windows = {quilt: QuiltPanels(display, quilt, copies, self.guard_px) for quilt in self.quilts}
         self._device = device
@@ -380,14 +380,3 @@ class SceneRenderer:
             return np.array([viewer.position_m])
         eyes = viewer.eyes_m
         return eyes if len(eyes) == 2 else np.repeat(eyes, 2, axis=0)
-
-
-def _check_sizes(quilts: Sequence[Quilt], copies: int, max_texture_px: int) -> None:
-    """Quilts that limen packs fit the adapter; those of a display's own mapping may not."""
-    for number, quilt in enumerate(quilts):
-        width, height = quilt.size_px[0] * copies, quilt.size_px[1]
-        if max(width, height) > max_texture_px:
-            raise DeviceLimitError(
-                f"quilt '{quilt.output or number}' of the display's own mapping is {width} x {height} px for {copies} "
-                f"eye(s), this adapter holds {max_texture_px} px a side: map its panels to several quilts, or to none"
-            )

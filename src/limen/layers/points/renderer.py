@@ -32,7 +32,7 @@ from limen.layers.points.stream import CHUNK_BYTES, PointStream
 from limen.stream.chunks import Update, completed
 from limen.viewing.camera import Camera
 from limen.viewing.policy import Policy
-from limen.viewing.projection import QuiltPanels, guard_of
+from limen.viewing.projection import QuiltPanels, check_quilt_sizes, guard_of
 from limen.viewing.tolerance import STANDS, tolerance_of
 from limen.viewing.viewer import Viewer
 
@@ -160,6 +160,7 @@ class PointsRenderer:
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
             display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, 2 * widest)
         )
+        check_quilt_sizes(self.quilts, device.max_texture_px)
         self.guard_px = min(guard_of(display, quilt) for quilt in self.quilts)
         self._windows: dict[Quilt, QuiltPanels] = {}
         self._device, self._tree = device, PointTree.of(points)

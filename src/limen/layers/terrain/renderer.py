@@ -31,6 +31,7 @@ from limen.viewing.camera import Camera
 from limen.viewing.panel_demands import PanelDemands
 from limen.viewing.placement import LookAt
 from limen.viewing.policy import Policy
+from limen.viewing.projection import check_quilt_sizes
 from limen.viewing.viewer import Pointer, Viewer
 
 if TYPE_CHECKING:
@@ -152,6 +153,7 @@ class TerrainRenderer:
         self.quilts: Sequence[Quilt] = display.quilts or pack_outlines(
             display, max_size_px=device.max_texture_px, max_px=max(max_quilt_px, 2 * widest)
         )
+        check_quilt_sizes(self.quilts, device.max_texture_px)
         scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
         self._contrast = KnownContrast(draped.image) if draped else None
         if draped and self._contrast:

@@ -15,7 +15,6 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.display.quilt import Quilt
-from limen.errors import InputError
 from limen.geometry import Vec3
 from limen.gpu.buffers import GrowingBuffer, TextureReader
 from limen.gpu.device import Device
@@ -86,10 +85,20 @@ class ImageLayer:
     sampling
         ``sharp``: a cubic kernel as wide as the pixel's footprint. ``fast``: bilinear, for live windows without a
         GPU; it aliases where a pixel covers nearly two texels.
+    guard_px
+        How far beyond panels' outlines the image is drawn in the display's own quilts.
     """
 
-    def __init__(self, device: Device, view: ImageOnDisplay, pool: PagePool, *, sampling: Sampling = "sharp") -> None:
-        self._device, self._view, self._pool = device, view, pool
+    def __init__(
+        self,
+        device: Device,
+        view: ImageOnDisplay,
+        pool: PagePool,
+        *,
+        sampling: Sampling = "sharp",
+        guard_px: float = 0.0,
+    ) -> None:
+        self._device, self._view, self._pool, self._guard_px = device, view, pool, guard_px
         self._shader = load_shader(device, "limen.layers.image.draw", "lens_split.wgsl")
         kernel = {"KERNEL": _KERNELS[sampling]}
         self._stages = {
@@ -238,8 +247,6 @@ class ImageLayer:
         self, cut: Cut, drawable: PlacedPages, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
     ) -> tuple[int, int]:
         """Hand the frame over; returns how many quads and cells are to be drawn."""
-        if any(quilt.turns):
-            raise InputError("images are drawn into quilts without turned panels only: pack the panels without turns")
         view, buffers = self._view, self._buffers
         fields: dict[str, Any] = {"layers_per_px": 1 / np.array(self._pool.layer_px)}
         lenses, fields["tables"] = records.lens_rows(view, quilt)
@@ -254,22 +261,26 @@ class ImageLayer:
             self._table_of = drawable.table
         if drawable.pairs is None:
             return len(quilt.panels), 0
-        quads = records.page_quads(view, quilt, cut, drawable.pairs)
+        quads = records.page_quads(view, quilt, cut, drawable.pairs, self._guard_of(quilt))
         buffers["quads"].write(quads)
         return len(quads), fields.get("cells", 0)
 
     def _match(self, encoder: Any, quilt: Quilt, eye_m: Vec3 | None, target: Any, target_format: str) -> None:
         if quilt not in self._windows:
-            self._windows[quilt] = QuiltPanels(self._view.display, quilt, guard_px=_RIM_PX)
+            self._windows[quilt] = QuiltPanels(self._view.display, quilt, guard_px=max(_RIM_PX, self._guard_of(quilt)))
         windows = self._windows[quilt]
         eyes_m = np.zeros((0, 3)) if eye_m is None else np.array([eye_m], dtype=float)
         self._matching.record(encoder, windows, eyes_m, target, target_format)
 
+    def _guard_of(self, quilt: Quilt) -> float:
+        """Panels of other quilts than the display's own touch, and would be drawn over each other."""
+        return self._guard_px if quilt in self._view.display.quilts else 0.0
+
     def _panel_rows(self, quilt: Quilt, eye_m: Vec3 | None) -> records.Rows:
         if self._view.maps is None:
-            return records.panel_rows(self._view, quilt, eye_m)
+            return records.panel_rows(self._view, quilt, eye_m, self._guard_of(quilt))
         if quilt not in self._static_rows:
-            self._static_rows[quilt] = records.panel_rows(self._view, quilt, eye_m)
+            self._static_rows[quilt] = records.panel_rows(self._view, quilt, eye_m, self._guard_of(quilt))
         return self._static_rows[quilt]
 
     def _target(self, size_px: tuple[int, int], target_format: str) -> Any:

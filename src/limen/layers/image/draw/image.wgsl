@@ -47,7 +47,8 @@ struct Frame {
 }
 
 struct Panel {
-    quilt_px: vec2<u32>,
+    // Where pixel (0, 0) begins in the quilt.
+    origin_px: vec2<f32>,
     size_px: vec2<u32>,
     pitch_m: vec2<f32>,
     mip: i32,
@@ -63,13 +64,18 @@ struct Panel {
     ray: vec4<f32>,
     ray_right: vec4<f32>,
     ray_down: vec4<f32>,
-    // Inside the outline where x * edge.x + y * edge.y + edge.z >= 0 for every edge.
+    // How the panel is turned in the quilt: cosine and sine of quarter turns clockwise.
+    turn: vec2<f32>,
+    // So many pixels around its grid are drawn as well.
+    guard_px: f32,
+    padding: f32,
+    // Inside the outline and its guard where x * edge.x + y * edge.y + edge.z >= 0 for every edge.
     outline: array<vec4<f32>, 8>,
 }
 
 struct PageQuad {
     // Left, top, right, bottom: the pixels whose centres lie in the page.
-    rect_px: vec4<u32>,
+    rect_px: vec4<i32>,
     // Texel of the page drawn = scale * pixel + offset.
     scale: vec2<f32>,
     offset: vec2<f32>,
@@ -619,7 +625,7 @@ struct FlatVertex {
     @location(1) @interpolate(flat) shares: vec4<f32>,
     // Panel, level, slot, levels coarser.
     @location(2) @interpolate(flat) names: vec4<u32>,
-    // Of the panel: its corner in the quilt and a pixel's sides, m.
+    // Of the panel: where it begins in the quilt, and a pixel's sides, m.
     @location(3) @interpolate(flat) panel_px_m: vec4<f32>,
     // The first two eyes; there are seldom more.
     @location(4) @interpolate(flat) eye_0: vec4<f32>,
@@ -627,14 +633,31 @@ struct FlatVertex {
     @location(6) @interpolate(flat) eye_1: vec4<f32>,
     @location(7) @interpolate(flat) gaze_1: vec4<f32>,
     @location(8) @interpolate(flat) footprint: f32,
+    @location(9) @interpolate(flat) turn: vec2<f32>,
 }
 
-// The quilt's position of a corner of a rectangle of one panel's pixels.
-fn corner_position(panel: u32, rect_px: vec4<u32>, corner: u32) -> vec4<f32> {
+// A step in the quilt as one along the panel's rows and columns.
+fn unturned(turn: vec2<f32>, step: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(turn.x * step.x + turn.y * step.y, turn.x * step.y - turn.y * step.x);
+}
+
+fn panel_pixel(panel: u32, quilt_px: vec2<f32>) -> vec2<f32> {
+    return unturned(panels[panel].turn, quilt_px - panels[panel].origin_px);
+}
+
+// The position in the quilt's clip space of a place of a panel.
+fn position_of(panel: u32, pixel: vec2<f32>) -> vec4<f32> {
+    let turn = panels[panel].turn;
+    let step = vec2<f32>(turn.x * pixel.x - turn.y * pixel.y, turn.x * pixel.y + turn.y * pixel.x);
+    let quilt = (panels[panel].origin_px + step) / frame.quilt_px;
+    return vec4<f32>(2.0 * quilt.x - 1.0, 1.0 - 2.0 * quilt.y, 0.0, 1.0);
+}
+
+// The same of a corner of a rectangle of one panel's pixels.
+fn corner_position(panel: u32, rect_px: vec4<f32>, corner: u32) -> vec4<f32> {
     let x = select(rect_px.x, rect_px.z, (corner & 1u) == 1u);
     let y = select(rect_px.y, rect_px.w, corner >= 2u);
-    let quilt = vec2<f32>(vec2<u32>(x, y) + panels[panel].quilt_px) / frame.quilt_px;
-    return vec4<f32>(2.0 * quilt.x - 1.0, 1.0 - 2.0 * quilt.y, 0.0, 1.0);
+    return position_of(panel, vec2<f32>(x, y));
 }
 
 @vertex
@@ -643,16 +666,17 @@ fn flat_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) inde
     let row = 2u * quad.panel * frame.eyes;
     let last = row + 2u * max(frame.eyes, 1u) - 2u;
     return FlatVertex(
-        corner_position(quad.panel, quad.rect_px, corner),
+        corner_position(quad.panel, vec4<f32>(quad.rect_px), corner),
         vec4<f32>(quad.scale, quad.offset),
         vec4<f32>(quad.from_log2, quad.until_log2, quad.fade, quad.over),
         vec4<u32>(quad.panel, quad.level, quad.slot, quad.coarser),
-        vec4<f32>(vec2<f32>(panels[quad.panel].quilt_px), panels[quad.panel].pitch_m),
+        vec4<f32>(panels[quad.panel].origin_px, panels[quad.panel].pitch_m),
         eyes[row],
         eyes[row + 1u],
         eyes[min(row + 2u, last)],
         eyes[min(row + 2u, last) + 1u],
         flat_footprint(quad.panel),
+        panels[quad.panel].turn,
     );
 }
 
@@ -669,7 +693,7 @@ fn flat_tolerance_px(vertex: FlatVertex, pixel: vec2<f32>) -> f32 {
 @fragment
 fn flat_fragment(vertex: FlatVertex) -> @location(0) vec4<f32> {
     let panel = vertex.names.x;
-    let pixel = vertex.position.xy - vertex.panel_px_m.xy;
+    let pixel = unturned(vertex.turn, vertex.position.xy - vertex.panel_px_m.xy);
     // Pages of neighbouring levels overlap; the shares of all that cover a pixel add up to one. They are painted over
     // each other, the coarsest first, and not added up: the target rounds to 8 bits each time, and the sum of two
     // rounded parts differs by a code from either, which is seen as bands where a picture is smooth.
@@ -702,7 +726,9 @@ struct BentVertex {
 
 @vertex
 fn bent_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) panel: u32) -> BentVertex {
-    return BentVertex(corner_position(panel, vec4<u32>(0u, 0u, panels[panel].size_px), corner), panel);
+    let guard = vec2<f32>(panels[panel].guard_px);
+    let rect_px = vec4<f32>(-guard, vec2<f32>(panels[panel].size_px) + guard);
+    return BentVertex(corner_position(panel, rect_px, corner), panel);
 }
 
 fn page_at(texel: vec2<f32>, level: u32) -> vec2<u32> {
@@ -781,7 +807,7 @@ fn light_at(panel: u32, pixel: vec2<f32>, place: Place) -> vec4<f32> {
 @fragment
 fn bent_fragment(vertex: BentVertex) -> @location(0) vec4<f32> {
     let panel = vertex.panel;
-    let pixel = vertex.position.xy - vec2<f32>(panels[panel].quilt_px);
+    let pixel = panel_pixel(panel, vertex.position.xy);
     let place = place_on_shape(panel, pixel);
     if !place.seen || !in_outline(panel, pixel) {
         discard;

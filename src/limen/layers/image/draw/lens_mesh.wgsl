@@ -350,9 +350,7 @@ struct LensVertex {
 fn lens_vertex(@builtin(vertex_index) index: u32) -> LensVertex {
     let corner = drawn_corners[index];
     let first = drawn_corners[index - index % 3u].texel;
-    let quilt = (corner.pixel + vec2<f32>(panels[corner.panel].quilt_px)) / frame.quilt_px;
-    let position = vec4<f32>(2.0 * quilt.x - 1.0, 1.0 - 2.0 * quilt.y, 0.0, 1.0);
-    return LensVertex(position, corner.panel, first, corner.texel - first);
+    return LensVertex(position_of(corner.panel, corner.pixel), corner.panel, first, corner.texel - first);
 }
 
 // How far a place of the image is drawn from where it belongs, in pixels.
@@ -367,10 +365,13 @@ fn error_px(panel: u32, pixel: vec2<f32>, texel: vec2<f32>) -> f32 {
 
 @fragment
 fn lens_fragment(vertex: LensVertex) -> @location(0) vec4<f32> {
-    let right = dpdx(vertex.beyond);
-    let down = dpdy(vertex.beyond);
+    let across = dpdx(vertex.beyond);
+    let along = dpdy(vertex.beyond);
     let panel = vertex.panel;
-    let pixel = vertex.position.xy - vec2<f32>(panels[panel].quilt_px);
+    let turn = panels[panel].turn;
+    let right = turn.x * across + turn.y * along;
+    let down = turn.x * along - turn.y * across;
+    let pixel = panel_pixel(panel, vertex.position.xy);
     if !in_outline(panel, pixel) {
         discard;
     }

@@ -68,7 +68,7 @@ FRAME = np.dtype(
 )
 PANEL = np.dtype(
     [
-        ("quilt_px", "<u4", 2),
+        ("origin_px", "<f4", 2),
         ("size_px", "<u4", 2),
         ("pitch_m", "<f4", 2),
         ("mip", "<i4"),
@@ -81,12 +81,15 @@ PANEL = np.dtype(
         ("ray", "<f4", 4),
         ("ray_right", "<f4", 4),
         ("ray_down", "<f4", 4),
+        ("turn", "<f4", 2),
+        ("guard_px", "<f4"),
+        ("padding", "<f4"),
         ("outline", "<f4", (8, 4)),
     ]
 )
 PAGE_QUAD = np.dtype(
     [
-        ("rect_px", "<u4", 4),
+        ("rect_px", "<i4", 4),
         ("scale", "<f4", 2),
         ("offset", "<f4", 2),
         ("panel", "<u4"),
@@ -134,17 +137,19 @@ def frame_row(
     return row
 
 
-def panel_rows(view: ImageOnDisplay, quilt: Quilt, eye_m: Vec3 | None) -> Rows:
-    """Rows of `PANEL`, in the order of the quilt's panels."""
+def panel_rows(view: ImageOnDisplay, quilt: Quilt, eye_m: Vec3 | None, guard_px: float = 0.0) -> Rows:
+    """Rows of `PANEL`, in the order of the quilt's panels, each drawn so many pixels beyond its outline."""
     chosen = list(quilt.panels)
     arrays = view.display.arrays
     rows = np.zeros(len(chosen), PANEL)
-    rows["quilt_px"], rows["size_px"] = quilt.offsets_px, arrays.size_px[chosen]
+    maps = quilt.quilt_from_panel(view.display)
+    rows["origin_px"], rows["turn"], rows["size_px"] = maps[:, :, 2], maps[:, :, 0], arrays.size_px[chosen]
+    rows["guard_px"] = _guard_pixels(guard_px)
     rows["pitch_m"] = arrays.pitch_m[chosen]
     true_px = np.array([view.display.panels[index].true_px for index in chosen])
     rows["true_px"] = true_px
     for row, index in zip(rows, chosen, strict=True):
-        edges = _outline_edges(view.display.panels[index])
+        edges = _outline_edges(view.display.panels[index], guard_px)
         row["outline_edges"] = len(edges)
         row["outline"][: len(edges), :3] = edges
     if isinstance(view.placement, OnShape):
@@ -208,11 +213,12 @@ def level_rows(pyramid: Pyramid) -> Rows:
     return rows
 
 
-def page_quads(view: ImageOnDisplay, quilt: Quilt, cut: Cut, drawable: Drawable) -> Rows:
+def page_quads(view: ImageOnDisplay, quilt: Quilt, cut: Cut, drawable: Drawable, guard_px: float = 0.0) -> Rows:
     """Rows of `PAGE_QUAD` for the (panel, page) pairs of a cut that fall into a quilt.
 
     A quad holds the pixels whose centres lie in the page, so neighbours share no pixel and leave none out,
-    whatever the rasteriser rounds. The coarsest come first: finer ones are painted over them.
+    whatever the rasteriser rounds. The coarsest come first: finer ones are painted over them. Where a page reaches a
+    panel's last pixel, so many more beyond it show its gutter.
     """
     assert view.maps is not None
     row_of = np.full(len(view.display.panels), -1)
@@ -239,8 +245,20 @@ def page_quads(view: ImageOnDisplay, quilt: Quilt, cut: Cut, drawable: Drawable)
     rows["slot"], rows["coarser"] = drawable.slot[here], coarser
     rows["from_log2"], rows["until_log2"] = _ramps(view, cut, panel, page, level, cell)
     rows["fade"], rows["over"] = drawable.share[here], drawable.over[here]
-    rows = rows[np.lexsort((-coarser, -level))]
-    return rows[(rows["rect_px"][:, :2] < rows["rect_px"][:, 2:]).all(axis=1)]
+    order = np.lexsort((-coarser, -level))
+    rows, size_px = rows[order], size_px[order]
+    seen = (rows["rect_px"][:, :2] < rows["rect_px"][:, 2:]).all(axis=1)
+    rows, size_px = rows[seen], size_px[seen]
+    if guard_px:
+        rect, guard = rows["rect_px"], _guard_pixels(guard_px)
+        rect[:, :2] -= np.where(rect[:, :2] == 0, guard, 0)
+        rect[:, 2:] += np.where(rect[:, 2:] == size_px, guard, 0)
+    return rows
+
+
+def _guard_pixels(guard_px: float) -> int:
+    """How many pixels beside a panel's grid have their middle within the guard."""
+    return math.floor(guard_px + 0.5)
 
 
 def _ramps(
@@ -261,8 +279,8 @@ def log2_tau(tau: Floats) -> Floats:
     return np.where(tau > 0, np.log2(np.maximum(tau, 1e-300)), -_ALWAYS)
 
 
-def _outline_edges(panel: Panel) -> Floats:
-    """Lines (a, b, c) with ``a x + b y + c >= 0`` inside the outline, pixels; shape (edges, 3)."""
+def _outline_edges(panel: Panel, guard_px: float) -> Floats:
+    """Lines (a, b, c) with ``a x + b y + c >= 0`` inside the outline and its guard, pixels; shape (edges, 3)."""
     corners: list[tuple[float, float]] = list(panel.outline_px)
     if not corners:
         return np.empty((0, 3))
@@ -272,5 +290,5 @@ def _outline_edges(panel: Panel) -> Floats:
     edges = []
     for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
         a, b = turn * (y0 - y1), turn * (x1 - x0)
-        edges.append((a, b, -(a * x0 + b * y0)))
+        edges.append((a, b, guard_px * math.hypot(a, b) - (a * x0 + b * y0)))
     return np.array(edges)
