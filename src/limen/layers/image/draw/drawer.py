@@ -57,6 +57,10 @@ _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operat
 """Levels that blend into each other are painted over each other, the coarsest first."""
 
 
+_Variant: TypeAlias = tuple[str, Overlay | None, bool]
+"""Of a pipeline: the target's format, the overlay, and whether a panel is turned."""
+
+
 class PlacedPages(NamedTuple):
     """Where the pages are that a frame draws."""
 
@@ -193,11 +197,11 @@ class ImageLayer:
         resources = {"pool": self._pool.texels, "bilinear": self._sampler}
         if quads:
             stage = self._stages["bent" if self._view.maps is None else "flat"]
-            stage.begin(render_pass, self._buffers, resources, target_format, overlay)
+            stage.begin(render_pass, self._buffers, resources, (target_format, overlay, any(quilt.turns)))
             render_pass.draw(4, quads)
         if cells:
             stage = self._stages["lens" if self.lens_mesh.tessellation.mode == "exact" else "mesh"]
-            stage.begin(render_pass, self._buffers, resources, target_format, overlay)
+            stage.begin(render_pass, self._buffers, resources, (target_format, overlay, any(quilt.turns)))
             render_pass.draw_indirect(self.lens_mesh.drawn.buffer, 0)
         render_pass.end()
         if overlay != "exact":  # whose numbers are no light
@@ -303,21 +307,20 @@ class _Stage:
         self._layout: Any = None
         self._group: Any = None
         self._bound: list[Any] = []
-        self._pipelines: dict[tuple[str, Overlay | None], Any] = {}
+        self._pipelines: dict[_Variant, Any] = {}
 
     def begin(
         self,
         render_pass: Any,
         buffers: dict[str, GrowingBuffer],
         resources: dict[str, Any],
-        target_format: str,
-        overlay: Overlay | None,
+        variant: _Variant,
     ) -> None:
         """Set all that a draw call needs; the bind group is a new one where a buffer had to grow."""
         if self._layout is None:
             self._layout = self._bind_group_layout()
-        if (target_format, overlay) not in self._pipelines:
-            self._pipelines[target_format, overlay] = self._pipeline(target_format, overlay)
+        if variant not in self._pipelines:
+            self._pipelines[variant] = self._pipeline(*variant)
         used = [name for name in self._names if name in buffers]
         state = [buffers[name].buffer for name in used]
         if self._group is None or state != self._bound:
@@ -325,7 +328,7 @@ class _Stage:
             entries = [{"binding": _NUMBERS[name], "resource": resources[name]} for name in self._names]
             self._group = self._device.wgpu.create_bind_group(layout=self._layout, entries=entries)
             self._bound = state
-        render_pass.set_pipeline(self._pipelines[target_format, overlay])
+        render_pass.set_pipeline(self._pipelines[variant])
         render_pass.set_bind_group(0, self._group)
 
     def _bind_group_layout(self) -> Any:
@@ -339,7 +342,7 @@ class _Stage:
         entries = [{"binding": _NUMBERS[name], "visibility": both, **kinds.get(name, storage)} for name in self._names]
         return self._device.wgpu.create_bind_group_layout(entries=entries)
 
-    def _pipeline(self, target_format: str, overlay: Overlay | None) -> Any:
+    def _pipeline(self, target_format: str, overlay: Overlay | None, turned: bool) -> Any:
         colours: dict[str, Any] = {"format": target_format}
         # What is seen through lenses lies over what would be seen without them.
         if overlay != "exact" and self._kind != "lens":
@@ -352,7 +355,7 @@ class _Stage:
             fragment={
                 "module": self._shader,
                 "entry_point": f"{self._kind}_fragment",
-                "constants": {**self._constants, "OVERLAY": _OVERLAYS[overlay]},
+                "constants": {**self._constants, "OVERLAY": _OVERLAYS[overlay], "TURNED": turned},
                 "targets": [colours],
             },
         )

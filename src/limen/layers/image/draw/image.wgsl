@@ -14,6 +14,8 @@ override KERNEL: u32 = 1u;
 // 0: the picture. 1: the level's colour over the picture. 2: level, levels coarser, panel as numbers. 3: the error's colour
 // over the picture.
 override OVERLAY: u32 = 0u;
+// Some panel of the quilt is turned: else no pixel has to be asked.
+override TURNED: bool = false;
 
 const PI: f32 = 3.14159265358979;
 const ALMOST_ONE = 0.99999994;
@@ -638,6 +640,9 @@ struct FlatVertex {
 
 // A step in the quilt as one along the panel's rows and columns.
 fn unturned(turn: vec2<f32>, step: vec2<f32>) -> vec2<f32> {
+    if !TURNED {
+        return step;
+    }
     return vec2<f32>(turn.x * step.x + turn.y * step.y, turn.x * step.y - turn.y * step.x);
 }
 

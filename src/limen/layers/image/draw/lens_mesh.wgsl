@@ -365,12 +365,15 @@ fn error_px(panel: u32, pixel: vec2<f32>, texel: vec2<f32>) -> f32 {
 
 @fragment
 fn lens_fragment(vertex: LensVertex) -> @location(0) vec4<f32> {
-    let across = dpdx(vertex.beyond);
-    let along = dpdy(vertex.beyond);
+    var right = dpdx(vertex.beyond);
+    var down = dpdy(vertex.beyond);
     let panel = vertex.panel;
-    let turn = panels[panel].turn;
-    let right = turn.x * across + turn.y * along;
-    let down = turn.x * along - turn.y * across;
+    if TURNED {
+        let turn = panels[panel].turn;
+        let across = right;
+        right = turn.x * across + turn.y * down;
+        down = turn.x * down - turn.y * across;
+    }
     let pixel = panel_pixel(panel, vertex.position.xy);
     if !in_outline(panel, pixel) {
         discard;
