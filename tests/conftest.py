@@ -9,12 +9,17 @@ from typing import Any
 
 import pytest
 
+from costs import Costs
 from limen.system import cache_folder
 
 # Tests that move the cache elsewhere would compile all loops again; read when Numba is imported, also by children.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder() / "numba"))
 
 _REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(Costs(config), "costs")
 
 
 @pytest.fixture(scope="session")

@@ -515,7 +515,7 @@ def test_paths_for_pytest_are_those_of_the_folder_one_stands_in(tmp_path: Path) 
 
 
 def test_every_check_names_a_module_that_the_test_group_installs() -> None:
-    for _, words in module("checks").CHECKS:
+    for _, words in (*module("checks").CHECKS, *module("checks").BESIDE):
         if words[0] == "-m":
             assert importlib.util.find_spec(words[1]), f"{words[1]} is not installed"
 

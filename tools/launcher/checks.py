@@ -1,4 +1,6 @@
-"""What `./limen test` runs, in .venv: every check, each in one line, then pytest; a failure hides nothing.
+"""What `./limen test` runs, in .venv: every check, each in one line, and pytest; a failure hides nothing.
+
+The check that takes long runs beside pytest, and its line comes after pytest's.
 
 With ``--backend both`` pytest runs twice: all tests on the best adapter, then those that draw each kind of content
 (marked ``drawing``) on OpenGL, which many machines have nothing else than.
@@ -10,12 +12,13 @@ import os
 import shlex
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["CHECKS", "Round", "arguments_from", "backend_from", "rounds", "run_all"]
+__all__ = ["BESIDE", "CHECKS", "Check", "Round", "arguments_from", "backend_from", "rounds", "run_all"]
 
 ROOT = Path(__file__).resolve().parents[2]
 _SHOWN_LINES = 40
@@ -24,14 +27,19 @@ _IMPORT_LINTER = "from importlinter.cli import lint_imports_command as c; c()"
 CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("ruff check", ("-m", "ruff", "check", "--quiet", "--output-format", "concise", ".")),
     ("ruff format", ("-m", "ruff", "format", "--check", "--quiet", ".")),
-    ("mypy --strict", ("-m", "mypy")),
     ("import directions", ("-c", _IMPORT_LINTER)),
 )
 """Name and arguments to Python. The shaders, the documentation and the examples are checked by tests."""
 
+BESIDE: tuple[tuple[str, tuple[str, ...]], ...] = (("mypy --strict", ("-m", "mypy")),)
+"""As ``CHECKS``: a minute on one core, while pytest's processes start and have work of their own."""
 
-_ALL_AT_ONCE = ("-n", "2", "--dist", "loadscope")
-"""Two processes, a file to each: most tests keep one core busy, and software graphics a little more."""
+_MODEST = 5
+"""How nice such a check is: pytest's tests have time limits, and it has time until they end."""
+
+_ALL_AT_ONCE = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
+"""Two processes, a file to each, in the order of tests/costs.py: most tests keep one core busy, and software graphics
+a little more."""
 
 _OPTION = "--backend"
 _BACKENDS = ("vulkan", "opengl", "both")
@@ -81,10 +89,16 @@ def run_all(words: Sequence[str]) -> int:
     except ValueError as error:
         sys.stderr.write(f"limen: {error}\n")
         return 2
-    failed = [] if arguments else [name for name, check in CHECKS if not _check(name, check)]
-    codes = [_pytest(each) for each in rounds(backend, arguments)]
     if arguments:
-        return max(codes)
+        return max(_pytest(each) for each in rounds(backend, arguments))
+    beside = [Check(name, words, _MODEST) for name, words in BESIDE]
+    try:
+        failed = [name for name, words in CHECKS if not Check(name, words).fine()]
+        codes = [_pytest(each) for each in rounds(backend, ())]
+        failed += [each.name for each in beside if not each.fine()]
+    finally:
+        for each in beside:
+            each.end()
     failed += ["pytest"] if any(codes) else []
     _say(
         f"{time.monotonic() - began:.0f} s in all; "
@@ -94,7 +108,7 @@ def run_all(words: Sequence[str]) -> int:
 
 
 def _pytest(wanted: Round) -> int:
-    """Straight to the terminal, after everything else, so that its closing line is the one that stays in view."""
+    """Straight to the terminal, after all that may be long, so that its closing lines stay in view."""
     variables = {**os.environ, "LIMEN_ADAPTER": wanted.adapter or os.environ.get("LIMEN_ADAPTER", "")}
     adapter, found = _adapter(variables)
     _say(f"{'tests draw with' if found else 'NOTHING IS DRAWN IN THESE TESTS:'} {adapter}")
@@ -124,24 +138,49 @@ def _adapter(variables: dict[str, str]) -> tuple[str, bool]:
     return said.splitlines()[-1], done.returncode == 0
 
 
-def _check(name: str, words: Sequence[str]) -> bool:
-    began = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, *words],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    _say(f"{name:<18} {'ok' if done.returncode == 0 else 'FAILED':<7} {time.monotonic() - began:4.1f} s")
-    if done.returncode:
-        lines = done.stdout.rstrip().splitlines()
-        if len(lines) > _SHOWN_LINES:
-            # Pytest's lines come after these and should not need scrolling for.
-            _say(f"... {len(lines) - _SHOWN_LINES} lines more: {sys.executable} {shlex.join(words)}")
-        _say("\n".join(lines[-_SHOWN_LINES:]))
-    return done.returncode == 0
+class Check:
+    """A check that has been started; its one line, and what it complains about, come when it is asked for them."""
+
+    def __init__(self, name: str, words: Sequence[str], modest: int = 0) -> None:
+        self.name = name
+        self._words = words
+        self._began = time.monotonic()
+        self._process = subprocess.Popen(
+            [sys.executable, *words], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        if modest and sys.platform != "win32":
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, os.getpriority(os.PRIO_PROCESS, 0) + modest)
+        self._text, self._took_s = "", 0.0
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        """In a thread: a full pipe would hold the check up, and it may end long before it is asked for."""
+        self._text, _ = self._process.communicate()
+        self._took_s = time.monotonic() - self._began
+
+    def fine(self) -> bool:
+        """Wait for it, and say how it went."""
+        try:
+            self._reader.join()
+        except BaseException:
+            self.end()
+            raise
+        code = self._process.returncode
+        _say(f"{self.name:<18} {'ok' if code == 0 else 'FAILED':<7} {self._took_s:4.1f} s")
+        if code:
+            lines = self._text.rstrip().splitlines()
+            if len(lines) > _SHOWN_LINES:
+                # Other lines should not need scrolling for.
+                _say(f"... {len(lines) - _SHOWN_LINES} lines more: {sys.executable} {shlex.join(self._words)}")
+            for line in lines[-_SHOWN_LINES:]:
+                _say(line)
+        return code == 0
+
+    def end(self) -> None:
+        """At once, if it still runs."""
+        self._process.kill()
+        self._reader.join()
 
 
 def arguments_from(words: Sequence[str], folder: Path) -> list[str]:
