@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import doctests
 from costs import Costs
 from limen.system import cache_folder
 
@@ -19,7 +20,9 @@ _REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    """By name, for src/limen too; what this file itself held would be of its folder alone."""
     config.pluginmanager.register(Costs(config), "costs")
+    config.pluginmanager.register(doctests, "doctests of limen")
 
 
 @pytest.fixture(scope="session")

@@ -64,7 +64,7 @@ class Costs:
         self._spent[report.nodeid.partition("::")[0]] += getattr(report, "processor_s", 0.0)
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        if self._whole:
+        if self._whole and self._spent:
             terminalreporter.section(f"{sum(self._spent.values()):.0f} s of processor time; most of it in")
             for name, spent in self._spent.most_common(_SHOWN):
                 terminalreporter.line(f"{spent:6.1f} s  {Path(name).as_posix()}")
