@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -105,6 +106,21 @@ def test_an_interrupt_ends_what_runs_beside(tmp_path: Path) -> None:
     assert remarks.splitlines()[-1].startswith("KeyboardInterrupt")
     with pytest.raises(ProcessLookupError), suppress(PermissionError):
         os.kill(int(note.read_text()), 0)
+
+
+def test_where_no_bytecode_may_be_written_it_is_kept_in_the_notes(
+    checks: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert checks.compiled_once({"A": "b"}) == {"A": "b"}
+    monkeypatch.setattr(checks, "ROOT", tmp_path)
+    variables = checks.compiled_once({**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPYCACHEPREFIX": ""})
+    (tmp_path / "one.py").write_text("import two")
+    (tmp_path / "two.py").touch()
+    subprocess.run([sys.executable, tmp_path / "one.py"], env=variables, check=True)
+    (written,) = (path for path in tmp_path.rglob("two.*.pyc"))
+    assert written.is_relative_to(tmp_path / ".limen/bytecode")
+    chosen = {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPYCACHEPREFIX": "/there"}
+    assert checks.compiled_once(chosen)["PYTHONPYCACHEPREFIX"] == "/there"
 
 
 # What runs first

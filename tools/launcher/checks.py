@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["BESIDE", "CHECKS", "Check", "Round", "arguments_from", "backend_from", "rounds", "run_all"]
+__all__ = ["BESIDE", "CHECKS", "Check", "Round", "arguments_from", "backend_from", "compiled_once", "rounds", "run_all"]
 
 ROOT = Path(__file__).resolve().parents[2]
 _SHOWN_LINES = 40
@@ -109,12 +109,23 @@ def run_all(words: Sequence[str]) -> int:
 
 def _pytest(wanted: Round) -> int:
     """Straight to the terminal, after all that may be long, so that its closing lines stay in view."""
-    variables = {**os.environ, "LIMEN_ADAPTER": wanted.adapter or os.environ.get("LIMEN_ADAPTER", "")}
+    variables = compiled_once({**os.environ, "LIMEN_ADAPTER": wanted.adapter or os.environ.get("LIMEN_ADAPTER", "")})
     adapter, found = _adapter(variables)
     _say(f"{'tests draw with' if found else 'NOTHING IS DRAWN IN THESE TESTS:'} {adapter}")
     if not found and wanted.adapter:
         return 2 if wanted.must else 0
     return subprocess.call([sys.executable, "-m", "pytest", *wanted.arguments], cwd=ROOT, env=variables)
+
+
+def compiled_once(variables: dict[str, str]) -> dict[str, str]:
+    """Where Python may write no bytecode beside what it was made from, it writes it into .limen, for all the processes.
+
+    They start dozens of programs, and each would spend seconds on compiling all of limen again.
+    """
+    if not variables.get("PYTHONDONTWRITEBYTECODE"):
+        return variables
+    kept = variables.get("PYTHONPYCACHEPREFIX") or str(ROOT / ".limen/bytecode")
+    return {**variables, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": kept}
 
 
 _ASK = """
