@@ -123,6 +123,24 @@ def test_where_no_bytecode_may_be_written_it_is_kept_in_the_notes(
     assert checks.compiled_once(chosen)["PYTHONPYCACHEPREFIX"] == "/there"
 
 
+def test_two_processes_share_the_cores_and_one_has_them_all(
+    checks: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 6)
+    assert checks.threads_shared({"A": "b"})["OPENBLAS_NUM_THREADS"] == "3"
+    assert checks.threads_shared({"OPENBLAS_NUM_THREADS": "5"})["OPENBLAS_NUM_THREADS"] == "5"
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    assert checks.threads_shared({})["OPENBLAS_NUM_THREADS"] == "1"
+    ran: list[dict[str, str]] = []
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setattr(checks, "_adapter", lambda _variables: ("some", True))
+    monkeypatch.setattr(checks.subprocess, "call", lambda _words, cwd, env: ran.append(env) or 0)
+    for arguments in ((), ("tests/cli",)):
+        for each in checks.rounds("both", arguments):
+            checks._pytest(each)
+    assert [env.get("OPENBLAS_NUM_THREADS") for env in ran] == ["1", "1", None, None]
+
+
 # What runs first
 
 

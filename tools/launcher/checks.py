@@ -18,7 +18,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["BESIDE", "CHECKS", "Check", "Round", "arguments_from", "backend_from", "compiled_once", "rounds", "run_all"]
+__all__ = [
+    "BESIDE",
+    "CHECKS",
+    "Check",
+    "Round",
+    "arguments_from",
+    "backend_from",
+    "compiled_once",
+    "rounds",
+    "run_all",
+    "threads_shared",
+]
 
 ROOT = Path(__file__).resolve().parents[2]
 _SHOWN_LINES = 40
@@ -114,6 +125,8 @@ def _pytest(wanted: Round) -> int:
     _say(f"{'tests draw with' if found else 'NOTHING IS DRAWN IN THESE TESTS:'} {adapter}")
     if not found and wanted.adapter:
         return 2 if wanted.must else 0
+    if wanted.arguments[: len(_ALL_AT_ONCE)] == _ALL_AT_ONCE:
+        variables = threads_shared(variables)
     return subprocess.call([sys.executable, "-m", "pytest", *wanted.arguments], cwd=ROOT, env=variables)
 
 
@@ -126,6 +139,16 @@ def compiled_once(variables: dict[str, str]) -> dict[str, str]:
         return variables
     kept = variables.get("PYTHONPYCACHEPREFIX") or str(ROOT / ".limen/bytecode")
     return {**variables, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": kept}
+
+
+def threads_shared(variables: dict[str, str]) -> dict[str, str]:
+    """Each of two processes has half of the cores for its linear algebra, unless somebody has said otherwise.
+
+    OpenBLAS and OpenMP wait for each other's threads in busy loops: with more threads than cores a product of small
+    matrices takes ten times as long.
+    """
+    half = str(max(1, (os.cpu_count() or 1) // 2))
+    return {"OPENBLAS_NUM_THREADS": half, "OMP_WAIT_POLICY": "PASSIVE", **variables}
 
 
 _ASK = """
