@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from cyclopts import App
@@ -187,6 +187,7 @@ def test_other_verbs_hear(verb: str, desk: Desk) -> None:
     desk.watch("limen.cli.calibrate.write_bytes", answer=None)
     desk.watch("limen.cli.calibrate.calibrate", answer=module.found)  # type: ignore[attr-defined]
     desk.watch(*DOORS[verb])
+    plain: dict[tuple[str, ...], Any] = {}  # many options are compared with the same
     for option, row in ROWS[verb].items():
         base, more = [*verb.split(), *row.base.split()], row.more.split()
         changed = list(base)
@@ -198,10 +199,12 @@ def test_other_verbs_hear(verb: str, desk: Desk) -> None:
         if row.refused:
             desk.refuses(more[-1], *changed)
             continue
-        (code, said, asked), (_, _, without) = desk.run(*changed), desk.run(*base)
+        code, said, asked = desk.run(*changed)
+        if tuple(base) not in plain:
+            plain[tuple(base)] = desk.run(*base)[2]
         assert code == 0, (changed, said)
         assert asked, changed
-        assert asked != without, f"limen {verb} ignores {option}"
+        assert asked != plain[tuple(base)], f"limen {verb} ignores {option}"
 
 
 @pytest.mark.parametrize(

@@ -168,6 +168,7 @@ def test_traffic_hears_or_refuses(kind: Kind, count: Desk, counting: Verb) -> No
     words = {**{option: TRIES[option].words for option in TRIES if option in TRAFFIC}, **TRAFFIC_TRIES}
     one_of_each = counting.by_option(*(word for each in words.values() for word in each))
     assert set(one_of_each) == set(TRAFFIC)
+    _, plain = count.call(counting, *base)
     for option, row in TRAFFIC.items():
         said, asked = count.call(counting, *base, one_of_each[option])
         if kind not in row.kinds:
@@ -176,7 +177,7 @@ def test_traffic_hears_or_refuses(kind: Kind, count: Desk, counting: Verb) -> No
             assert "must end in" in said
         else:
             assert asked, said
-            assert asked != count.call(counting, *base)[1], f"{option} is ignored of {kind}"
+            assert asked != plain, f"{option} is ignored of {kind}"
 
 
 @pytest.mark.parametrize(
@@ -231,6 +232,7 @@ def judge(desk: Desk, contents: dict[str, Any], monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("kind", ["image", "mesh", "points"])
 def test_verify_hears_or_refuses(kind: Kind, judge: Desk) -> None:
+    plain: dict[tuple[str, ...], list[Any]] = {}  # many options are compared with the same
     for option, row in VERIFY.items():
         base: tuple[str, ...] = ("verify", NAMES[kind])
         if kind == "image" or option == "--panels":
@@ -246,7 +248,8 @@ def test_verify_hears_or_refuses(kind: Kind, judge: Desk) -> None:
             changed = (*base[:2], *attempt.words) if option == "--display" else (*base, *attempt.words)
             code, said, asked = judge.run(*changed)
             assert code == 0, said
-            assert asked != judge.run(*base)[2], f"{option} is ignored of {kind}"
+            plain[base] = plain.get(base) or judge.run(*base)[2]
+            assert asked != plain[base], f"{option} is ignored of {kind}"
 
 
 def test_verify_refuses_what_changes_nothing(judge: Desk) -> None:
