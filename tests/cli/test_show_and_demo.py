@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from limen.cli.app import main
 from limen.data import sample_image
 from limen.display.display import Display
 from limen.study import demo
+from limen.study.traffic import count_traffic
 from limen.track.walk import session_named
 from limen.viewing.placement import OnSurface, texel_pointed_at
 from processes import CHILD, LIMEN, finished, started
@@ -100,8 +102,10 @@ def test_a_window_opens_and_closes(world):
 @pytest.mark.timeout(600)  # it makes an image of 0.66 gigapixels
 @pytest.mark.gpu
 def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(demo, "_PAPERS_HZ", 1.0)
-    monkeypatch.setattr(demo, "_FILM_FRAMES", 6)
+    monkeypatch.setattr(demo, "_PAPERS_HZ", 0.5)
+    monkeypatch.setattr(demo, "_FILM_FRAMES", 3)
+    # Its own walk, too, is looked at once a second: what every frame needs is counted by tests of the counting.
+    monkeypatch.setattr(demo, "count_traffic", partial(count_traffic, rate_hz=1.0))
     assert limen("demo", "--content", world, "--out", tmp_path / "demo", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     report = Path(result["report"])
@@ -207,6 +211,18 @@ def test_a_window_without_a_screen_says_so(world):
     assert len(done.stderr.strip().splitlines()) == 1, done.stderr
 
 
+def wait_until_at_work(running: subprocess.Popen[str], out: Path) -> None:
+    """Until it writes, or has worked for longer than it takes to start; 6 s where nobody tells how long that is."""
+    spent, starting_s = Path(f"/proc/{running.pid}/stat"), 4.0
+    ends = time.monotonic() + (60 if spent.exists() else 6)
+    while time.monotonic() < ends and running.poll() is None and not any(out.iterdir()):
+        if spent.exists():
+            ticks = sum(map(int, spent.read_text().rpartition(")")[2].split()[11:13]))
+            if ticks > starting_s * os.sysconf("SC_CLK_TCK"):
+                break
+        time.sleep(0.05)
+
+
 @pytest.mark.gpu
 @pytest.mark.parametrize("words", [
     ("show", "{world}", "--display", "reality-deck", "--out", "{out}"),
@@ -217,7 +233,7 @@ def test_a_window_without_a_screen_says_so(world):
 def test_ctrl_c_ends_cleanly(words, world, tmp_path):
     filled = [word.format(world=world, out=tmp_path) for word in words]
     with started([*LIMEN, *filled]) as running:
-        time.sleep(6)
+        wait_until_at_work(running, tmp_path)
         assert running.poll() is None, running.communicate()[1]
         running.send_signal(signal.SIGINT)
         _, err = running.communicate(timeout=60)
