@@ -30,13 +30,19 @@ def cache(tmp_path_factory, monkeypatch):
     return folder / "limen"
 
 
-@pytest.fixture
-def picture(tmp_path):
-    path = tmp_path / "a.png"
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    path = tmp_path_factory.mktemp("saved") / "a.png"
     texels = smooth_picture(1400, 1100)
     texels[:400, 1100:] = noisy_picture(300, 400)  # beyond the first page of level 2
     pyvips.Image.new_from_array(texels).pngsave(str(path), compression=1)
     return path
+
+
+@pytest.fixture
+def picture(tmp_path, saved):
+    """In a folder of its own, where files come to lie beside it."""
+    return shutil.copyfile(saved, tmp_path / "a.png")
 
 
 def bytes_of(path):

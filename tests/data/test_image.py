@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +36,17 @@ def levels_of(picture, count=3):
     return found
 
 
+@functools.cache
+def smooth_levels(width, height):
+    """The same for many layouts, and only read."""
+    return levels_of(smooth_picture(width, height))
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("subifds", [False, True], ids=["pages", "subifds"])
 def test_pages_and_gutters_equal_the_texels_that_were_stored(tmp_path, layout, subifds):
-    levels = levels_of(smooth_picture(1111, 701))
+    # Where pages and tiles meet does not depend on the codec: nine pages and their levels are enough for the others.
+    levels = smooth_levels(*((1111, 701) if layout == "deflate" else (701, 555)))
     path = write_tiff(tmp_path / "a.tif", levels, subifds=subifds, **LAYOUTS[layout])
     with tifffile.TiffFile(path) as tiff:
         base = tiff.pages[0]

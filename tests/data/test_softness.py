@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from limen.data.image.ingest import ingest
 from limen.layers.common.page_detail import KEPT, plain_detail
 
 
+@functools.cache
 def picture(kind: str) -> np.ndarray:
     rng = np.random.default_rng(8)
     height, width = 1100, 1500
