@@ -17,9 +17,22 @@ __all__ = ["FIRST", "Costs", "in_order"]
 
 FIRST: tuple[str, ...] = (
     "tests/cli/test_show_and_demo.py",
+    "tests/draw/test_lens_mesh.py",
+    "tests/test_examples.py",
+    "tests/draw/test_feedback.py",
+    "tests/test_launcher_drivers.py",
+    "tests/test_frame.py",
+    "tests/study/test_observer.py",
+    "benchmarks/test_image.py",
+    "tests/draw/test_sampling.py",
+    "tests/test_repeatable.py",
+    "tests/draw/test_pages.py",
     "tests/data/test_image.py",
-    "tests/study/test_traffic.py",
+    "tests/test_compiled.py",
+    "tests/track/test_walk.py",
+    "tests/cli/test_show_terrain.py",
     "tests/data/test_contrast_file.py",
+    "tests/cli/test_show_mesh.py",
 )
 """The most expensive files, which the last lines of a whole run name; the others follow, those of many tests first."""
 
