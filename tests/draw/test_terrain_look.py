@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,11 +16,12 @@ from limen.display.mapping import quilt_outlines
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.errors import InputError
+from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.terrain.look import TerrainLook, contour_interval_m, panel_tints, tint_range_m, toward_sun
 from limen.viewing.projection import NEAR_M, QuiltPanels
 
-SHADERS = [Path(records.__file__).parent / name for name in ("terrain.wgsl", "terrain_clip.wgsl")]
+SHADERS = "terrain.wgsl", "terrain_clip.wgsl"
 STRUCTS = {"Terrain": records.TERRAIN, "TerrainView": records.TERRAIN_VIEW, "Source": records.SOURCE}
 
 
@@ -31,7 +31,7 @@ def uncommented(text: str) -> str:
 
 @pytest.mark.parametrize("name", STRUCTS)
 def test_structs_are_those_of_the_shaders(name: str) -> None:
-    texts = [uncommented(path.read_text()) for path in SHADERS]
+    texts = [uncommented(shader_text("limen.layers.terrain.draw", name)) for name in SHADERS]
     assert wgsl_struct(name, STRUCTS[name]) in texts[0]
     if name != "Source":
         assert wgsl_struct(name, STRUCTS[name]) in texts[1]
