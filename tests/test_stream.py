@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from hypothesis import strategies as st
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.errors import InputError, PageError
-from limen.stream.pages import FADE_S, PageStream
+from limen.stream.allocators import Slots
+from limen.stream.chunks import ChunkStream, completed
+from limen.stream.pages import FADE_S, PageStream, _Pages
 from processes import PYTHON, finished
 
 SIDE = PAGE + 2 * GUTTER
@@ -200,3 +204,62 @@ stream.update(np.arange(8))
 raise SystemExit(3)
 """
     assert finished([*PYTHON, "-c", program], timeout_s=60).returncode == 3
+
+
+def finished_soon(asked, most=200):
+    """All updates of `completed`, which has to end by itself."""
+    updates = list(itertools.islice(completed(asked), most))
+    assert len(updates) < most, "it goes on for ever"
+    return updates
+
+
+def test_what_is_left_over_from_earlier_wishes_does_not_hold_up_a_picture():
+    with PageStream(Source(), slots=64) as stream:
+        stream.update(np.arange(20))
+        while not stream.idle:
+            time.sleep(0.001)
+        finished_soon([(stream, np.arange(30, 35))])
+        assert stream.resident.mask[30:35].all()
+
+
+def test_a_picture_waits_for_what_stands_in_for_a_page_that_fails_meanwhile():
+    for _ in range(30):
+        source = Source(broken={3})
+        with PageStream(source, slots=64) as stream:
+            finished_soon([(stream, np.array([3]))])
+            parent = int(_Pages(source).parents(np.array([3]))[0])
+            assert stream.resident.mask[parent]
+
+
+def test_a_whole_branch_that_fails_ends_in_the_coarsest_page_or_in_nothing():
+    pyramid = Source().pyramid
+    for broken in (range(pyramid.page_count - 1), range(pyramid.page_count)):
+        with PageStream(Source(broken=broken), slots=8) as stream:
+            finished_soon([(stream, np.arange(4))], 2000)
+            assert stream.resident.mask.sum() == pyramid.page_count - len(broken)
+
+
+def test_a_chunk_that_is_denied_is_tried_again_when_what_held_its_room_is_let_go():
+    with ChunkStream(_Pages(Source()), Slots(2)) as stream:
+        settle_chunks(stream, np.array([1]))
+        settle_chunks(stream, np.array([3]), in_use=np.array([1]))
+        update = stream.update(np.array([3]), in_use=np.array([1]))
+        assert (update.statistics.denied, update.statistics.needed, update.statistics.missing) == (1, 1, 1)
+        settle_chunks(stream, np.array([3]))
+        assert stream.resident.mask[3]
+
+
+def settle_chunks(stream, wanted, **options):
+    for _ in range(20):
+        stream.update(wanted, **options)
+        stream.wait(0.02)
+
+
+def test_what_is_wanted_and_has_been_read_is_not_thrown_away_for_a_budget():
+    source = Source((16384, 8192))
+    with PageStream(source, slots=2000, kept=64, per_frame=4) as stream:
+        finished = 0
+        while finished < 300:
+            finished += len(stream.update(np.arange(300)).arrived)
+            time.sleep(0.0005)
+    assert max(source.reads.count(page) for page in range(300)) == 1

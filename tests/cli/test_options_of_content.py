@@ -81,6 +81,10 @@ TOGETHER: list[tuple[tuple[str, ...], str]] = [
     (("image.tif", "--out", "out", "--window", "outputs", "--display", "wall.toml"), "--window says where"),
     (("terrain.tif", "--out", "out", "--write", "quilts"), "of terrains, pictures of every panel are written"),
     (("image.tif", "--display", "wall.toml", "--window", "eye"), "--window eye is not built of images"),
+    (
+        ("image.tif", "--display", "wall.toml", "--window", "outputs", "--lens-mode", "error"),
+        "--lens-mode is of a lens",
+    ),
     (("terrain.tif", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes"),
     (("points.ply", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes"),
     (("mesh.ply", "--stereo", "sequential"), "give --stereo none or anaglyph, or --out"),

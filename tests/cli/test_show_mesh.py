@@ -8,6 +8,7 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,12 @@ from PIL import Image as Picture
 
 import limen
 from limen.cli.app import main
+from limen.cli.show_mesh import check_files
 from limen.data import sample_image
 from limen.data.samples.mesh import sample_mesh
 from limen.display.display import Display
+from limen.display.quilt import Quilt
+from limen.errors import InputError
 from processes import CHILD, LIMEN, finished, started
 
 SEEN_PX = (320, 240)
@@ -398,3 +402,22 @@ def test_a_window_opens_and_closes(knot: Path) -> None:
     (frame,) = json.loads(done.stdout)["frames"]
     assert frame["panels_active"] == 3
     assert frame["triangles"] > 1500
+
+
+@pytest.mark.parametrize(
+    ("outputs", "write", "simulated", "says"),
+    [
+        (("a/b", "A-b"), "quilts", (), "of 'A-b' and of 'a/b' would be one file"),
+        (("", "quilt-0"), "quilts", (), "of 'quilt-0' and of 'quilt-0' would be one file"),
+        (("left", "room"), "quilts", ("room", "surface"), "of 'room' and of '--simulate' would be one file"),
+    ],
+)
+def test_pictures_that_would_be_written_over_each_other_are_refused(
+    outputs: tuple[str, str], write: Any, simulated: tuple[str, ...], says: str
+) -> None:
+    wall = Display.preset("rostock").select(["wall/0,0", "wall/1,0"])
+    width, height = wall.panels[0].size_px
+    quilts = tuple(Quilt((width, height), (k,), ((0, 0),), output=name) for k, name in enumerate(outputs))
+    with pytest.raises(InputError, match=says):
+        check_files(replace(wall, quilts=quilts), write, simulated)
+    check_files(replace(wall, quilts=quilts), "panels", simulated)

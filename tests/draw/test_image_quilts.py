@@ -91,11 +91,14 @@ def test_where_there_is_room_the_image_goes_on_beyond_the_outline(turns: Any, de
     lit = image.max(axis=-1) > 0
     for left in (10, 120):
         whole = np.zeros_like(lit)
-        whole[8:102, left - 2 : left + 92] = True
+        whole[9:101, left - 1 : left + 91] = True  # the pixels whose middles are nearer than that
         near = slice(max(0, left - 10), left + 100)
         np.testing.assert_array_equal(lit[:, near], whole[:, near], err_msg=f"{GUARD_PX} pixels around")
         beside = np.abs(image[10:100, left - 1].astype(int) - image[10:100, left]).max()
         assert beside < 60, "of the image"
+    dim = replace(apart, panels=tuple(replace(panel, gain=0.5) for panel in panels))
+    dimmed = drawn(device, world, dim, OnSurface("cover"), quilts=True)["quilt-0"]
+    assert (dimmed[9:101, 9:101].astype(int) < 0.85 * image[9:101, 9:101]).all(), "with the panel, to the last pixel"
     touching = drawn(device, world, close, OnSurface("cover"), quilts=True)["quilt-0"]
     np.testing.assert_array_equal(touching, np.concatenate([image[10:100, 10:100], image[10:100, 120:210]], axis=1))
 
@@ -127,3 +130,20 @@ def test_a_part_of_a_wall_is_drawn_and_panels_match_in_its_quilts(device: Any, w
 def test_a_quilt_that_the_adapter_cannot_hold_is_named(device: Any, world: Path) -> None:
     with limen.open(world) as image, pytest.raises(DeviceLimitError, match=r"quilt '1'.* several quilts"):  # type: ignore[union-attr]
         Renderer(replace(device, max_texture_px=1024), WALL, image)
+
+
+def test_through_lenses_panels_end_at_their_outlines(device: Any, world: Path) -> None:
+    """What lies beside them without lenses would be something else."""
+    panels = tuple(replace(panel, size_px=(90, 90)) for panel in WALL.panels[:2])
+    apart = Display("apart", panels, quilts=(Quilt((220, 110), (0, 1), ((10, 10), (120, 10))),))
+    lit = drawn(device, world, apart, PLACEMENTS["lenses"], quilts=True)["quilt-0"].max(axis=-1) > 0
+    whole = np.zeros_like(lit)
+    whole[10:100, 10:100] = whole[10:100, 120:210] = True
+    np.testing.assert_array_equal(lit, whole)
+
+
+def test_every_quilt_tells_its_own_panels(device: Any, world: Path) -> None:
+    for placement in PLACEMENTS.values():
+        with limen.open(world) as image, Renderer(device, WALL, image, placement) as renderer:  # type: ignore[union-attr]
+            reports = [report for *_, report in renderer.quilt_pictures([VIEWER], FULL)]
+        assert [report.panels_active for report in reports] == [3, 3]

@@ -76,7 +76,7 @@ def show(
     refuse_way(SHOW, given, way)
     name = display or ("desktop" if out else "")
     asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
-    lenses.check(in_files=way == "files")
+    lenses.check(by_hand=way in ("browse", "wall"))
     from limen.cli.show_content import ShowOptions, show_content  # renderers, which no help text needs
 
     wishes = ShowOptions(policy, acuity_arcmin, fit, max_triangles, mesh, terrain, points, lenses)

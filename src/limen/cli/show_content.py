@@ -17,7 +17,7 @@ from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
 from limen.cli.show_image import image_row, print_image_rows, write_image_frames
 from limen.cli.show_live import say_who, show_live
-from limen.cli.show_mesh import check_quilts, mesh_row, print_mesh_rows, simplified_mesh, write_mesh_frames
+from limen.cli.show_mesh import check_files, check_quilts, mesh_row, print_mesh_rows, simplified_mesh, write_mesh_frames
 from limen.cli.show_points import show_points
 from limen.cli.show_terrain import opened_content, print_terrain_rows, terrain_row, write_terrain_frames
 from limen.data.image.file import Image
@@ -232,8 +232,8 @@ def _show_image(
         )
     if asked.windows.window == "outputs":
         exhibit = ImageExhibit(content, policy, placement, moves, overlay or "levels")
-        reports = [last.report for last in show_live(exhibit, asked, out)]
-        out.result({"frames": [image_row(report, []) for report in reports]})
+        last = show_live(exhibit, asked, out)  # of every quilt the same
+        out.result({"frames": [image_row(last[0].report, [])] if last else []})
         return
     if folder is None or shown is None:
         settings = LiveSettings(
@@ -243,10 +243,11 @@ def _show_image(
             seconds=asked.windows.seconds,
             moves=moves,
         )
-        last = run_live(content, shown, asked.tour() if shown or asked.gaze else None, settings, out.say)
-        out.result({"frames": [image_row(last, [])] if last else []})
+        shown_last = run_live(content, shown, asked.tour() if shown or asked.gaze else None, settings, out.say)
+        out.result({"frames": [image_row(shown_last, [])] if shown_last else []})
         return
     check_quilts(wishes.mesh, shown, asked.files.scale)
+    check_files(shown, wishes.mesh.write, ("room", "surface") if asked.files.simulate else ())
     rows = list(
         write_image_frames(
             out, content, shown, asked.moments(), policy, placement, folder, asked.files.picture_format,

@@ -30,9 +30,11 @@ from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
 __all__ = [
+    "check_files",
     "check_quilts",
     "lit_display",
     "mesh_row",
+    "onlooker_names",
     "onlookers",
     "print_mesh_rows",
     "simplified_mesh",
@@ -66,6 +68,7 @@ def write_mesh_frames(
     ``settings`` have the mesh standing where the whole display wants it.
     """
     _check_simulation(settings, simulate)
+    check_files(display, write, onlooker_names(simulate))
     check_still(settings, simplified)
     with ExitStack() as stack:
         device = stack.enter_context(open_device())
@@ -106,6 +109,11 @@ def _renderer(
     )  # fmt: skip
 
 
+def onlooker_names(simulate: bool) -> tuple[str, ...]:
+    """What `onlookers` are called, where there are any."""
+    return ("eye", "elsewhere", "afar") if simulate else ()
+
+
 def onlookers(display: Display, viewer: Viewer, seen_from: str = "") -> dict[str, Camera]:
     """Cameras at the viewer's eye, at another place (``seen_from``, or a few steps on), and where all is in sight."""
     eye_m = np.array(viewer.position_m)
@@ -120,6 +128,26 @@ def onlookers(display: Display, viewer: Viewer, seen_from: str = "") -> dict[str
 def lit_display(display: Display) -> Display:
     """A display with no more pixels than are seen in a picture of it, and lie in memory together."""
     return display if display.total_px <= _LIT_PX else display.scaled(math.sqrt(_LIT_PX / display.total_px))
+
+
+def check_files(display: Display, write: Write, simulated: Sequence[str]) -> None:
+    """Refuse pictures that would be written over each other: ``simulated`` are those that are written beside.
+
+    Raises
+    ------
+    InputError
+        Naming two panels or outputs whose names differ in nothing that a file's name may have.
+    """
+    quilts = [quilt.output or f"quilt-{number}" for number, quilt in enumerate(display.quilts)]
+    names = quilts if write == "quilts" else [panel.name for panel in display.panels]
+    what, homes = "outputs" if write == "quilts" else "panels", dict.fromkeys(simulated, "--simulate")
+    for name in names:
+        stem = name.replace("/", "-").casefold()
+        if stem in homes:
+            raise InputError(
+                f"{what}: the pictures of '{name}' and of '{homes[stem]}' would be one file: rename one of them"
+            )
+        homes[stem] = name
 
 
 def check_quilts(options: MeshOptions, display: Display, scale: float) -> None:

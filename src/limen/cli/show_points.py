@@ -13,7 +13,7 @@ from limen.cli.options.points import PointsOptions
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.cli.show_live import say_who, show_live
-from limen.cli.show_mesh import check_quilts, lit_display, onlookers, visible_from
+from limen.cli.show_mesh import check_files, check_quilts, lit_display, onlooker_names, onlookers, visible_from
 from limen.gpu.device import open_device
 from limen.pictures.files import write_picture
 from limen.viewing.policy import Policy
@@ -80,6 +80,7 @@ def write_points_frames(
     """Write what every panel or quilt shows, frame by frame: the frame's report, and the files."""
     from limen.layers.points.renderer import PointsReport
 
+    check_files(display, write, onlooker_names(simulate))
     with ExitStack() as stack:
         device = stack.enter_context(open_device())
         renderer = stack.enter_context(exhibit.renderer(device, display))

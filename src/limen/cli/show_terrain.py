@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
-from limen.cli.show_mesh import lit_display, onlookers
+from limen.cli.show_mesh import check_files, lit_display, onlooker_names, onlookers
 from limen.data.image.file import Image
 from limen.data.mesh.mesh import Mesh
 from limen.data.opening import open_content
@@ -53,6 +53,7 @@ def write_terrain_frames(
     seen_from: str,
 ) -> Iterator[tuple[TerrainReport, list[str]]]:
     """Write what every panel shows, frame by frame: the frame's report, and the files."""
+    check_files(display, "panels", onlooker_names(simulate))
     with ExitStack() as stack:
         device = stack.enter_context(open_device())
         renderer = stack.enter_context(exhibit.renderer(device, display))

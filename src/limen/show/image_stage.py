@@ -12,7 +12,7 @@ from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.gpu.device import Device
 from limen.layers.image.draw.drawer import Overlay
-from limen.layers.image.renderer import Chosen, FrameReport, LensMoves, Renderer
+from limen.layers.image.renderer import Chosen, FrameReport, LensMoves, Renderer, active_panels
 from limen.show.stage import STILL, Turn
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy
@@ -22,13 +22,10 @@ __all__ = ["ImageExhibit", "ImageStage", "ShownImage"]
 
 
 class ShownImage(NamedTuple):
-    """A frame's report, as any window tells it."""
+    """A frame's report, as the window of one quilt tells it."""
 
     report: FrameReport
-
-    @property
-    def panels_active(self) -> int:
-        return self.report.panels_active
+    panels_active: int
 
     @property
     def drawn(self) -> str:
@@ -87,7 +84,7 @@ class ImageStage:
             self._chosen, quilt, overlay=self._exhibit.overlay if overlay else None, target=target,
             target_format=target_format,
         )  # fmt: skip
-        return ShownImage(self._chosen.report)
+        return ShownImage(self._chosen.report, active_panels(self._chosen.cut, self._renderer.view, quilt))
 
     def textures(self, viewers: Sequence[Viewer], *, overlay: bool) -> tuple[list[Any], ShownImage]:
         raise InputError("what an eye sees of a lit display is not built of images: show the outputs, or the surface")

@@ -54,17 +54,17 @@ class Ranges:
     def __init__(
         self, capacities: Sequence[int], most: Sequence[Index], sizes_of: Callable[[Any], tuple[int, ...]]
     ) -> None:
-        self._arenas = [RangeAllocator(capacity) for capacity in capacities]
+        self._buffers = [RangeAllocator(capacity) for capacity in capacities]
         self._most, self._sizes_of = most, sizes_of
 
     def fitting(self, chunks: Index) -> int:
-        ends = zip(self._arenas, (np.cumsum(most[chunks]) for most in self._most), strict=True)
-        return min(int(np.searchsorted(end, arena.capacity, "right")) for arena, end in ends)
+        ends = zip(self._buffers, (np.cumsum(most[chunks]) for most in self._most), strict=True)
+        return min(int(np.searchsorted(end, buffer.capacity, "right")) for buffer, end in ends)
 
     def place(self, chunk: int, item: Any) -> tuple[int, ...] | None:
         begins: list[int] = []
-        for arena, size in zip(self._arenas, self._sizes_of(item), strict=True):
-            begin = arena.take(size)
+        for buffer, size in zip(self._buffers, self._sizes_of(item), strict=True):
+            begin = buffer.take(size)
             if begin is None:
                 self.free(tuple(begins))
                 return None
@@ -72,5 +72,5 @@ class Ranges:
         return tuple(begins)
 
     def free(self, place: tuple[int, ...]) -> None:
-        for arena, begin in zip(self._arenas, place, strict=False):
-            arena.give_back(begin)
+        for buffer, begin in zip(self._buffers, place, strict=False):
+            buffer.give_back(begin)

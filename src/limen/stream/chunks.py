@@ -176,6 +176,7 @@ class ChunkStream(Generic[Item]):
         self._frame, self._generation, self._now_s = 0, 0, math.inf
         self._denied: set[int] = set()
         self._denied_while = np.zeros(0, np.int64)
+        self._known_failed = 0
         self._fetcher = Fetcher(source.read, kept=kept, threads=threads, name=name, cost=cost)
 
     # ------------------------------------------------------------------ what a frame does
@@ -212,15 +213,20 @@ class ChunkStream(Generic[Item]):
         served = ordered[: self._allocator.fitting(ordered)]
         if in_use is not None:
             self._last_used[in_use] = self._frame
+        uses = served if in_use is None else np.concatenate([served, np.array([-1]), in_use])
+        if not np.array_equal(uses, self._denied_while):
+            self._denied.clear()  # other chunks may be evicted
+            self._denied_while = uses
         missing = self._missing(served)
-        needed = len(missing)
+        needed = int((self._places[0, served] < 0).sum())
         if soon is not None and len(served) == len(ordered):
             missing += self._missing_soon(served, soon[self._last_used[soon] < self._frame])
         ready, pending = self._fetcher.exchange(missing, self._per_frame if budget is None else budget)
         arrived, evicted = self._place(ready)
+        denied = len(self._denied.intersection(served.tolist())) if self._denied else 0
         statistics = Statistics(
             wanted=len(wanted), needed=needed, missing=int((self._places[0, wanted] < 0).sum()),
-            denied=len(ordered) - len(served) + len(self._denied), arrived=len(arrived), waiting=pending.decoded,
+            denied=len(ordered) - len(served) + denied, arrived=len(arrived), waiting=pending.decoded,
             queued=pending.queued, failed=pending.failed, resident=len(self._members),
             update_ms=(time.perf_counter() - begin) * 1e3,
         )  # fmt: skip
@@ -242,8 +248,8 @@ class ChunkStream(Generic[Item]):
 
     @property
     def settled(self) -> bool:
-        """Nothing is queued, being read, or waiting to be handed over."""
-        return self._fetcher.settled
+        """Nothing that the last frame asked for is queued, being read, or waiting, or has failed since it asked."""
+        return self._fetcher.settled and len(self._fetcher.failed) == self._known_failed
 
     def wait(self, timeout_s: float = 1.0) -> None:
         """Sleep until a chunk has been read (for pictures in files; a live frame never calls this)."""
@@ -263,9 +269,10 @@ class ChunkStream(Generic[Item]):
 
     def _readable(self, wanted: Index) -> Index:
         """The wanted chunks, those that cannot be read replaced by what stands in for them, each once."""
-        if not self._fetcher.failed:
+        failed = np.array(sorted(self._fetcher.failed.copy()), np.int64)
+        self._known_failed = len(failed)
+        if not len(failed):
             return wanted
-        failed = np.fromiter(self._fetcher.failed, np.int64)
         while (bad := np.isin(wanted, failed)).any():
             wanted = wanted.copy()
             wanted[bad] = self._source.parents(wanted[bad])
@@ -275,18 +282,18 @@ class ChunkStream(Generic[Item]):
     def _missing(self, served: Index) -> list[int]:
         """Of these chunks, which this frame uses, those to be read, in their order."""
         self._last_used[served] = self._frame
-        if self._denied and not np.array_equal(served, self._denied_while):
-            self._denied.clear()  # other wishes leave other chunks to be evicted
-        self._denied_while = served
-        absent: list[int] = served[self._places[0, served] < 0].tolist()
-        return [chunk for chunk in absent if chunk not in self._denied] if self._denied else absent
+        return self._absent(served)
 
     def _missing_soon(self, served: Index, soon: Index) -> list[int]:
         together = np.concatenate([served, soon])
         soon = together[len(served) : self._allocator.fitting(together)]
         self._last_used[soon] = self._frame
-        absent: list[int] = soon[self._places[0, soon] < 0].tolist()
-        return absent
+        return self._absent(soon)
+
+    def _absent(self, chunks: Index) -> list[int]:
+        """Of these those that are not there, and that there may be room for."""
+        absent: list[int] = chunks[self._places[0, chunks] < 0].tolist()
+        return [chunk for chunk in absent if chunk not in self._denied] if self._denied else absent
 
     def _place(self, ready: list[tuple[int, Item]]) -> tuple[list[Arrival[Item]], list[int]]:
         """Give each chunk its place; where there is none, the least recently used go, never what this frame uses."""

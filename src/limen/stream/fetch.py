@@ -49,6 +49,7 @@ class Fetcher(Generic[Item]):
     ) -> None:
         self._read, self._kept, self._name, self._cost = read, kept, name, cost
         self._lock = threading.Condition()
+        self._wishes: set[int] = set()  # of the last exchange
         self._queue: list[int] = []  # most important last, so that a worker pops from the end
         self._decoding: set[int] = set()
         self._decoded: OrderedDict[int, Item] = OrderedDict()
@@ -68,6 +69,7 @@ class Fetcher(Generic[Item]):
         """
         wishes = list(missing)
         with self._lock:
+            self._wishes = set(wishes)
             ready = self._take(wishes, budget)
             self._enqueue(wishes, {number for number, _ in ready})
             pending = Pending(len(self._decoded), len(self._queue) + len(self._decoding), len(self.failed))
@@ -81,14 +83,14 @@ class Fetcher(Generic[Item]):
 
     @property
     def settled(self) -> bool:
-        """Nothing is queued, being decoded, or waiting to be taken."""
+        """Nothing that the last exchange wished for is queued, being decoded, or waiting to be taken."""
         with self._lock:
-            return not (self._queue or self._decoding or self._decoded)
+            return not (self._queue or self._decoding & self._wishes or self._decoded.keys() & self._wishes)
 
     def wait(self, timeout_s: float) -> None:
-        """Sleep until an item has been decoded."""
+        """Sleep until an item that is wished for has been decoded."""
         with self._lock:
-            if (self._queue or self._decoding) and not self._decoded:
+            if (self._queue or self._decoding) and not self._decoded.keys() & self._wishes:
                 self._lock.wait(timeout_s)
 
     def close(self) -> None:
@@ -101,7 +103,7 @@ class Fetcher(Generic[Item]):
             worker.join()
 
     def _take(self, wishes: list[int], budget: int) -> list[tuple[int, Item]]:
-        """Decoded items, the most important first; what nobody wants any more is dropped."""
+        """Decoded items, the most important first; of what nobody wants any more, the oldest are dropped."""
         if not self._decoded:
             return []
         ready: list[tuple[int, Item]] = []
@@ -113,8 +115,9 @@ class Fetcher(Generic[Item]):
             if item is not None:
                 ready.append((number, item))
                 spent += self._cost(item)
-        while len(self._decoded) > self._kept // 2:
-            self._decoded.popitem(last=False)
+        unwanted = [number for number in self._decoded if number not in self._wishes]
+        for number in unwanted[: max(0, len(self._decoded) - self._kept // 2)]:
+            del self._decoded[number]
         self._lock.notify_all()
         return ready
 

@@ -12,11 +12,11 @@ class RangeAllocator:
 
     Ranges that are given back grow together with free neighbours, so that no two free ranges ever touch.
 
-    >>> arena = RangeAllocator(10)
-    >>> arena.take(4), arena.take(4), arena.take(4)
+    >>> ranges = RangeAllocator(10)
+    >>> ranges.take(4), ranges.take(4), ranges.take(4)
     (0, 4, None)
-    >>> arena.give_back(0)
-    >>> arena.take(3), arena.free
+    >>> ranges.give_back(0)
+    >>> ranges.take(3), ranges.free
     (0, 3)
 
     References
@@ -26,7 +26,7 @@ class RangeAllocator:
 
     def __init__(self, capacity: int) -> None:
         if capacity < 1:
-            raise ValueError(f"an arena needs room for at least one element, got {capacity}")
+            raise ValueError(f"an allocator needs room for at least one element, got {capacity}")
         self.capacity = capacity
         self.free = capacity
         """Elements that belong to nobody, in however many pieces."""
@@ -52,7 +52,7 @@ class RangeAllocator:
     def grow(self, capacity: int) -> None:
         """More room at the end; what was handed out stays where it is. ValueError if it is less."""
         if capacity < self.capacity:
-            raise ValueError(f"an arena of {self.capacity} elements cannot shrink to {capacity}")
+            raise ValueError(f"an allocator of {self.capacity} elements cannot shrink to {capacity}")
         if capacity == self.capacity:
             return
         if self._ends and self._ends[-1] == self.capacity:

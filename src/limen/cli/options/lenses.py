@@ -55,13 +55,13 @@ class LensOptions:
         ),
     ] = "exact"
 
-    def check(self, *, in_files: bool) -> None:
+    def check(self, *, by_hand: bool) -> None:
         """Refuse options of lenses that are not there, and of a shape that a picture has.
 
         Raises
         ------
         InputError
-            Naming the first; in windows, ``--lens-mode`` is of the lens that a hand carries too.
+            Naming the first; ``by_hand``: a lens may come by a key, and ``--lens-mode`` is of it too.
         """
         first = LensOptions()
         shape = [
@@ -70,7 +70,7 @@ class LensOptions:
             if getattr(self, name) != getattr(first, name)
         ]
         others = [*shape, *(["lens_heights"] if self.lens_heights else [])]
-        others += ["lens_mode"] if in_files and self.lens_mode != first.lens_mode else []
+        others += ["lens_mode"] if not by_hand and self.lens_mode != first.lens_mode else []
         if others and not self.lens:
             raise InputError(f"{_option(others[0])} is of a lens: give --lens too")
         if shape and self.lens_heights is not None:

@@ -1,7 +1,7 @@
 """How scenes are lit: what decides about detail and what draws it have to agree.
 
 ``light = ambient + (1 - ambient) (max(n . l, 0) + n . v) / 2``: half of the light from a fixed place, half from the
-viewer, for normals ``n`` toward the viewer (``draw/scene.wgsl``, function ``lit``).
+viewer, for normals ``n`` toward the viewer (``layers/mesh/draw/scene.wgsl``, function ``lit``).
 """
 
 from __future__ import annotations

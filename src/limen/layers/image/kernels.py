@@ -1,7 +1,7 @@
 """The selectors' hot loops. Each is tested against dense sampling in plain NumPy.
 
-Arrays come panel by panel as in `limen.display.PanelArrays` and `limen.viewing.placement.PanelMaps`. Tolerances are
-compared with a relative slack, so that single-precision arithmetic on a GPU never asks for a page that was left out
+Arrays come panel by panel as in `limen.display.display.PanelArrays` and `limen.viewing.placement.PanelMaps`. Tolerances
+are compared with a relative slack, so that single-precision arithmetic on a GPU never asks for a page that was left out
 here.
 """
 
@@ -34,7 +34,7 @@ class Eyes(NamedTuple):
 
 
 class Panels(NamedTuple):
-    """Where panels are, one row each; see `limen.display.PanelArrays`."""
+    """Where panels are, one row each; see `limen.display.display.PanelArrays`."""
 
     origin_m: Floats
     right: Floats

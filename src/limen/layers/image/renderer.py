@@ -36,7 +36,16 @@ from limen.viewing.projection import check_quilt_sizes, guard_of
 from limen.viewing.tolerance import Tolerance, tolerance_of
 from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
-__all__ = ["GPU_BYTES", "LOOKAHEAD_S", "Chosen", "FrameReport", "LensMoves", "Renderer", "select_ahead"]
+__all__ = [
+    "GPU_BYTES",
+    "LOOKAHEAD_S",
+    "Chosen",
+    "FrameReport",
+    "LensMoves",
+    "Renderer",
+    "active_panels",
+    "select_ahead",
+]
 
 GPU_BYTES = 512 << 20
 """Memory for pages on the GPU, unless told otherwise: 1,800 pages."""
@@ -246,7 +255,8 @@ class Renderer:
             image = self._layer.read(texture)
             clock = (begin, selected, streamed, time.perf_counter())
             report = self._report(viewers, policy, cut, missing, uploads, clock)
-            yield quilt, image, replace(report, triangles=self._layer.triangle_count)
+            active = active_panels(cut, self.view, quilt)
+            yield quilt, image, replace(report, panels_active=active, triangles=self._layer.triangle_count)
 
     def wanted(self, viewers: Sequence[Viewer], policy: Policy, display: Display) -> Cut:
         """What a frame of the same image asks for on other panels than are drawn: the true ones of a preview.
@@ -304,7 +314,7 @@ class Renderer:
         return FrameReport(
             time_s=viewers[0].time_s if viewers else 0.0,
             policy=policy.label,
-            panels_active=_active(cut, self.view),
+            panels_active=active_panels(cut, self.view),
             pages=len(cut),
             missing=missing,
             uploads=uploads,
@@ -379,9 +389,10 @@ def _first_eye(viewers: Sequence[Viewer]) -> tuple[float, float, float] | None:
     return viewers[0].position_m if viewers else None
 
 
-def _active(cut: Cut, view: ImageOnDisplay) -> int:
-    """Panels that show something of the image; of one on a shape, all may."""
-    if view.maps is None:
-        return len(view.display.panels)
-    through_lenses = cut.pair_panel[:0] if view.cells is None else view.cells.panel
-    return len(np.unique(np.concatenate([cut.pair_panel, through_lenses])))
+def active_panels(cut: Cut, view: ImageOnDisplay, quilt: Quilt | None = None) -> int:
+    """Panels (of a quilt) that show something of the image; of one on a shape, all may."""
+    panels = np.arange(len(view.display.panels))
+    if view.maps is not None:
+        through_lenses = cut.pair_panel[:0] if view.cells is None else view.cells.panel
+        panels = np.unique(np.concatenate([cut.pair_panel, through_lenses]))
+    return len(panels if quilt is None else np.intersect1d(panels, quilt.panels))

@@ -277,8 +277,11 @@ class ImageLayer:
         self._matching.record(encoder, windows, eyes_m, target, target_format)
 
     def _guard_of(self, quilt: Quilt) -> float:
-        """Panels of other quilts than the display's own touch, and would be drawn over each other."""
-        return self._guard_px if quilt in self._view.display.quilts else 0.0
+        """Panels of other quilts than the display's own touch, and would be drawn over each other.
+
+        What is seen through lenses ends at outlines: beside it, the image without them would be something else.
+        """
+        return self._guard_px if quilt in self._view.display.quilts and self._view.cells is None else 0.0
 
     def _panel_rows(self, quilt: Quilt, eye_m: Vec3 | None) -> records.Rows:
         if self._view.maps is None:

@@ -257,8 +257,8 @@ def page_quads(view: ImageOnDisplay, quilt: Quilt, cut: Cut, drawable: Drawable,
 
 
 def _guard_pixels(guard_px: float) -> int:
-    """How many pixels beside a panel's grid have their middle within the guard."""
-    return math.floor(guard_px + 0.5)
+    """How many pixels beside a panel's grid have their middle inside of the guard, and not on its edge."""
+    return max(math.ceil(guard_px - 0.5), 0)
 
 
 def _ramps(
