@@ -21,7 +21,7 @@ from limen.cli.output import DEFAULT, Common, Output
 from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
 from limen.errors import InputError, MissingFileError
-from limen.pictures.files import check_picture_name, write_picture
+from limen.pictures.files import check_picture_name, file_stem, write_picture
 
 __all__ = ["app"]
 
@@ -85,7 +85,7 @@ def boards(
     rows = []
     with output.progress("drawing boards", len(part.panels)) as step:
         for board, panel in zip(boards_of_part(Display.named(display), part), part.panels, strict=True):
-            path = write_picture(out / f"{panel.name.replace('/', '-')}.png", draw_board(board, panel))
+            path = write_picture(out / f"{file_stem(panel.name)}.png", draw_board(board, panel))
             marker_mm = 8 * board.module_px * panel.pitch_m[0] * 1000
             rows.append(BoardRow(panel.name, str(path), len(board.ids), board.first_id, marker_mm))
             step()

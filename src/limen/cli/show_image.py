@@ -18,7 +18,7 @@ from limen.display.quilt import pieces
 from limen.gpu.device import open_device
 from limen.layers.image.draw.drawer import Overlay
 from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
-from limen.pictures.files import thumbnail, write_picture
+from limen.pictures.files import file_stem, thumbnail, write_picture
 from limen.pictures.room import draw_room, draw_surface
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy
@@ -83,13 +83,13 @@ def write_image_frames(
                 reports: list[FrameReport] = []
                 drawn = renderer.quilt_pictures(viewers, policy, overlay=overlay)
                 for quilt, (name, picture, report) in zip(renderer.quilts, drawn, strict=True):
-                    parts = pieces(shown, quilt, picture)
+                    parts = pieces(shown, quilt, picture) if write == "panels" or simulate else {}
                     for part, shot in ({name: picture} if write == "quilts" else parts).items():
-                        files.append(str(write_picture(target / f"{part.replace('/', '-')}.{suffix}", shot)))
+                        files.append(str(write_picture(target / f"{file_stem(part)}.{suffix}", shot)))
                     if simulate:
                         seen |= {part: thumbnail(shot) for part, shot in parts.items()}
                     reports.append(report)
-                    step(len(parts))
+                    step(len(quilt.panels))
                 if simulate:
                     room = draw_room(display, pictures=seen, viewers=viewers)
                     files.append(str(write_picture(target / f"room.{suffix}", room)))

@@ -15,13 +15,14 @@ from limen.cli.output import Output
 from limen.cli.show_image import FrameRow
 from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
+from limen.display.quilt import quilt_names
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.layers.mesh.draw.drawer import SceneOverlay
 from limen.layers.mesh.renderer import SceneRenderer, SceneReport, Simplified
 from limen.layers.mesh.select import FoldTree
-from limen.pictures.files import write_picture
+from limen.pictures.files import file_stem, write_picture
 from limen.show.live_scene import eye_camera
 from limen.show.stage import SceneSettings, check_still, posed
 from limen.viewing.arrangement import arrangement_of, facing_of_wall
@@ -85,7 +86,7 @@ def write_mesh_frames(
             reports: dict[int, SceneReport] = {}  # one for every quilt
             draw = renderer.quilt_pictures if write == "quilts" else renderer.pictures
             for name, picture, report in draw(viewers, overlay=overlay):
-                files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
+                files.append(str(write_picture(target / f"{file_stem(name)}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
                 cameras = onlookers(simulated.display, viewers[0], seen_from)
@@ -138,11 +139,10 @@ def check_files(display: Display, write: Write, simulated: Sequence[str]) -> Non
     InputError
         Naming two panels or outputs whose names differ in nothing that a file's name may have.
     """
-    quilts = [quilt.output or f"quilt-{number}" for number, quilt in enumerate(display.quilts)]
-    names = quilts if write == "quilts" else [panel.name for panel in display.panels]
+    names = quilt_names(display.quilts) if write == "quilts" else [panel.name for panel in display.panels]
     what, homes = "outputs" if write == "quilts" else "panels", dict.fromkeys(simulated, "--simulate")
     for name in names:
-        stem = name.replace("/", "-").casefold()
+        stem = file_stem(name).casefold()
         if stem in homes:
             raise InputError(
                 f"{what}: the pictures of '{name}' and of '{homes[stem]}' would be one file: rename one of them"

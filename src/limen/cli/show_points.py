@@ -15,7 +15,7 @@ from limen.cli.show_image import FrameRow
 from limen.cli.show_live import say_who, show_live
 from limen.cli.show_mesh import check_files, check_quilts, lit_display, onlooker_names, onlookers, visible_from
 from limen.gpu.device import open_device
-from limen.pictures.files import write_picture
+from limen.pictures.files import file_stem, write_picture
 from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 
@@ -96,7 +96,7 @@ def write_points_frames(
             reports: dict[int, PointsReport] = {}  # one for every quilt
             draw = renderer.quilt_pictures if write == "quilts" else renderer.pictures
             for name, picture, report in draw(viewers, exhibit.policy, overlay=overlay):
-                files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
+                files.append(str(write_picture(target / f"{file_stem(name)}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
                 cameras = onlookers(simulated.display, viewers[0], seen_from)

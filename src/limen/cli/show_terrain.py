@@ -18,7 +18,7 @@ from limen.display.display import Display
 from limen.gpu.device import open_device
 from limen.layers.terrain.draw.drawer import TerrainOverlay
 from limen.layers.terrain.renderer import TerrainReport
-from limen.pictures.files import write_picture
+from limen.pictures.files import file_stem, write_picture
 from limen.show.terrain_stage import TerrainExhibit
 from limen.viewing.viewer import Viewer
 
@@ -69,7 +69,7 @@ def write_terrain_frames(
             reports: dict[int, TerrainReport] = {}  # one for every quilt
             renderer.pose(time_s)
             for name, picture, report in renderer.pictures(viewers, exhibit.policy, pointers=pointers, overlay=overlay):
-                files.append(str(write_picture(target / f"{name.replace('/', '-')}.{suffix}", picture)))
+                files.append(str(write_picture(target / f"{file_stem(name)}.{suffix}", picture)))
                 reports[id(report)] = report
             if simulate:
                 simulated.pose(time_s)

@@ -14,7 +14,7 @@ from limen.display.panel import Panel
 from limen.errors import DisplayError
 from limen.geometry import Floats
 
-__all__ = ["HasPanels", "Quilt", "fill", "pack", "pieces"]
+__all__ = ["HasPanels", "Quilt", "fill", "pack", "pieces", "quilt_names"]
 
 _TURNED = np.array([[[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]]], dtype=float)
 """What 0 to 3 quarter turns clockwise make of a step in pixels (right, down)."""
@@ -129,6 +129,11 @@ def pack(
         packed = set(quilt.panels)
         waiting = [index for index in waiting if index not in packed]
     return quilts
+
+
+def quilt_names(quilts: Sequence[Quilt]) -> list[str]:
+    """What pictures of quilts are called: by their outputs, else by their numbers."""
+    return [quilt.output or f"quilt-{number}" for number, quilt in enumerate(quilts)]
 
 
 def fill(display: HasPanels, quilt: Quilt) -> float:

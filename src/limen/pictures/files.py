@@ -13,9 +13,14 @@ from PIL import Image as Picture
 from limen.data.store.atomic import write_bytes
 from limen.errors import InputError, StorageError
 
-__all__ = ["JPEG_QUALITY", "check_picture_name", "write_picture"]
+__all__ = ["JPEG_QUALITY", "check_picture_name", "file_stem", "write_picture"]
 
 JPEG_QUALITY = 90
+
+
+def file_stem(name: str) -> str:
+    """The name of a panel or an output as a file may have it: nothing that is called so leaves its folder."""
+    return name.replace("/", "-")
 
 
 def check_picture_name(path: str | Path) -> None:

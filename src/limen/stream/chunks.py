@@ -24,7 +24,6 @@ from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.geometry import Floats
 from limen.stream.fetch import Fetcher
 
 __all__ = [
@@ -93,10 +92,6 @@ class Resident(NamedTuple):
 
     place: Index
     """Shape (count, k): what the allocator said of each; -1 where a chunk is not there."""
-    since_s: Floats
-    """Shape (count,): when each arrived, by the frames' clock."""
-    now_s: float
-    """The last frame's time; infinite where nothing fades in."""
     generation: int
     """Grows whenever a chunk arrives."""
 
@@ -235,7 +230,7 @@ class ChunkStream(Generic[Item]):
     @property
     def resident(self) -> Resident:
         """What is there now."""
-        return Resident(self._places.T, self._since_s, self._now_s, self._generation)
+        return Resident(self._places.T, self._generation)
 
     def touch(self, chunks: Index) -> None:
         """Chunks that the last frame drew in the place of missing ones: others are evicted before them."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from limen.data.image.file import Image
 from limen.display.display import Display
-from limen.display.quilt import Quilt, pack, pieces
+from limen.display.quilt import Quilt, pack, pieces, quilt_names
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.layers.common.known_contrast import KnownContrast
@@ -172,7 +172,7 @@ class Renderer:
         begin = time.perf_counter()
         for each in [quilt] if quilt else self.quilts:
             self.draw(chosen, each, overlay=overlay, target=target, target_format=target_format)
-        return replace(chosen.report, draw_ms=(time.perf_counter() - begin) * 1e3)
+        return replace(chosen.report, draw_ms=chosen.report.draw_ms + (time.perf_counter() - begin) * 1e3)
 
     def choose(self, viewers: Sequence[Viewer], policy: Policy, *, now_s: float | None = None) -> Chosen:
         """The first half of a frame: what it shows on all panels, of what is there; what is missing is asked for."""
@@ -185,8 +185,9 @@ class Renderer:
         self._earlier = tuple(viewers)
         update = self._stream.update(cut.pages, soon=soon, now_s=begin if now_s is None else now_s)
         pages = drawable_of(self._stream, self.view, cut)
-        clock = (begin, selected, time.perf_counter(), time.perf_counter())
+        streamed = time.perf_counter()
         self._pool.write(update.arrived)
+        clock = (begin, selected, streamed, time.perf_counter())
         report = self._report(viewers, policy, cut, update.statistics.missing, len(update.arrived), clock)
         return Chosen(cut, pages, tolerance, eye_m, report)
 
@@ -233,8 +234,8 @@ class Renderer:
         An array is only valid until the next is asked for.
         """
         drawn = self._finished(viewers, policy, overlay, self.quilts)
-        for number, (quilt, image, report) in enumerate(drawn):
-            yield quilt.output or f"quilt-{number}", image, report
+        for name, (_, image, report) in zip(quilt_names(self.quilts), drawn, strict=True):
+            yield name, image, report
 
     def _finished(
         self, viewers: Sequence[Viewer], policy: Policy, overlay: Overlay | None, quilts: Sequence[Quilt]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
-from limen.display.quilt import Quilt, pieces
+from limen.display.quilt import Quilt, pieces, quilt_names
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
@@ -249,9 +249,9 @@ class SceneRenderer:
 
         Two eyes that are not mixed lie side by side. An array is only valid until the next is asked for.
         """
-        for number, quilt in enumerate(self.quilts):
+        for name, quilt in zip(quilt_names(self.quilts), self.quilts, strict=True):
             drawn = self._draw(quilt, viewers, overlay)
-            yield quilt.output or f"quilt-{number}", self._reader.read(drawn.texture), drawn.report
+            yield name, self._reader.read(drawn.texture), drawn.report
 
     def seen(
         self, viewers: Viewers, cameras: Sequence[Camera], *, overlay: SceneOverlay | None = None

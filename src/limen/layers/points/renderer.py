@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from limen.data.points.file import Points
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
-from limen.display.quilt import Quilt, pieces
+from limen.display.quilt import Quilt, pieces, quilt_names
 from limen.errors import InputError
 from limen.geometry import Floats
 from limen.gpu.buffers import TextureReader
@@ -315,9 +315,9 @@ class PointsRenderer:
     def _finished(
         self, viewers: Sequence[Viewer], policy: Policy, overlay: PointsOverlay | None
     ) -> Iterator[tuple[str, NDArray[np.uint8], PointsReport, Quilt]]:
-        for number, quilt in enumerate(self.quilts):
+        for name, quilt in zip(quilt_names(self.quilts), self.quilts, strict=True):
             texture, report = self._complete(quilt, viewers, policy, overlay)
-            yield quilt.output or f"quilt-{number}", self._reader.read(texture), report, quilt
+            yield name, self._reader.read(texture), report, quilt
 
     def _draw(
         self,
