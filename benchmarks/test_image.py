@@ -16,9 +16,8 @@ from limen.data.image.contrast import ContrastSurvey
 from limen.data.image.file import open_image
 from limen.data.pages import PAGE
 from limen.layers.image.select import select
-from limen.stream.pages import PageStream
-from limen.study.bench import measure_walk, one_to_one_room, walk_viewers
-from limen.study.blank_source import Blank
+from limen.stream.pages import drawable_pages
+from limen.study.bench import blank_stream, measure_walk, one_to_one_room, walk_viewers
 from limen.system import worker_count
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import tolerance_of
@@ -44,10 +43,15 @@ def test_select_pages_of_416_panels(benchmark, policy):
 
 def test_stream_update_with_all_pages_resident(benchmark):
     cut = select(ROOM, tolerance_of(next(walk_viewers(1.0)), Policy()))
-    with PageStream(Blank(ROOM.pyramid), slots=16_384, kept=16_384) as stream:
+    with blank_stream(ROOM.pyramid) as stream:
         while stream.update(cut.pages, budget=len(cut)).statistics.missing:
             stream.wait()
-        benchmark(lambda: (stream.update(cut.pages), stream.drawable(cut.pair_page)))
+
+        def update() -> None:
+            stream.update(cut.pages)
+            stream.touch(drawable_pages(ROOM.pyramid, stream.resident, cut.pair_page)[1])
+
+        benchmark(update)
 
 
 def test_a_steady_walk_fits_the_upload_budget():

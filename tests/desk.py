@@ -22,6 +22,7 @@ from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.errors import LimenError
+from limen.show.show import Show
 
 
 class Enough(BaseException):
@@ -37,12 +38,14 @@ def told(value: Any) -> Any:
         return str(value.path)
     if isinstance(value, np.ndarray):
         return value.tolist()
-    if hasattr(value, "kind") and hasattr(value, "name"):  # a terrain or points
+    if isinstance(value, Show):
+        return told({name: each for name, each in vars(value).items() if not name.startswith("_")})
+    if hasattr(value, "kind") and hasattr(value, "name") and not hasattr(value, "selector"):  # a terrain or points
         return value.name
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return [(each.name, told(getattr(value, each.name))) for each in dataclasses.fields(value)]
     if isinstance(value, msgspec.Struct):
-        return told(msgspec.to_builtins(value))
+        return told(msgspec.to_builtins(value, enc_hook=np.ndarray.tolist))
     if isinstance(value, Mapping):
         return {str(key): told(each) for key, each in value.items()}
     if isinstance(value, SimpleNamespace):
@@ -78,7 +81,7 @@ class Verb:
                     for field in (each.name for each in dataclasses.fields(value)):
                         if getattr(value, field) != getattr(first, field):
                             values[name, field] = getattr(value, field)
-                elif name != "content":
+                elif name not in ("content", "contents"):
                     values[name, ""] = value
             self._known[words] = values
         return self._known[words]
@@ -151,7 +154,8 @@ class Desk:
         """The same of words that are understood already: what is said where it is refused, and what was asked for."""
         self.asked = []
         try:
-            verb.function(content, **verb.arguments(*values))
+            several = "contents" in signature(verb.function).parameters
+            verb.function([Path(content)] if several else content, **verb.arguments(*values))
         except Enough:
             return "", self.asked
         except LimenError as error:

@@ -11,12 +11,11 @@ import wgpu
 from PIL import Image as Picture
 
 import limen
-from limen.layers.image.renderer import LensMoves
+from limen.layers.image.layer import ImageLayer
 from limen.show.window import Surface
 from limen.stream.pages import FADE_S
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface
-from limen.viewing.policy import Policy
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -37,9 +36,9 @@ class Screen:
 
     def __init__(self, device: Any, image: Any, placement: OnSurface, **more: Any) -> None:
         from limen.gpu.buffers import TextureReader
-        from limen.show.live import Live, LiveSettings
+        from limen.show.live import Live
 
-        self.live = Live(device, image, None, None, LiveSettings(Policy(), placement, **more))
+        self.live = Live(device, ImageLayer(image, placement), None, None, **more)
         self._device, self._reader = device, TextureReader(device)
         self._time_s = 0.0
 
@@ -50,7 +49,7 @@ class Screen:
         while shown != 0:
             self._frame(texture, 0.02)
             assert self.live.last is not None
-            shown = self.live.last.missing + self.live.last.uploads
+            shown = self.live.last.missing + self.live.last.layers[0].uploads
         self._frame(texture, FADE_S)
         picture = self._reader.read(texture)[..., :3].astype(int)
         texture.destroy()
@@ -102,9 +101,7 @@ def test_pointers_carry_lenses(device: Any, world: Path) -> None:
         lens = Lens((0.0, 0.0), height / 4, 3.0)
         ahead, aside = limen.Pointer((0, 0, 0), (0, 0, -1)), limen.Pointer((0, 0, 0), (0, 1, 0))
         pointing: list[limen.Pointer] = [aside]
-        screen = Screen(
-            device, image, OnSurface("cover"), moves=LensMoves(carried=(lens,), pointers=lambda _time_s: pointing)
-        )
+        screen = Screen(device, image, OnSurface("cover", carried=(lens,)), pointers=lambda _time_s: pointing)
         still = Screen(device, image, OnSurface("cover"))
         there = Screen(device, image, OnSurface("cover", lenses=(Lens((width / 2, height / 2), height / 4, 3.0),)))
         np.testing.assert_allclose(screen.draw(), still.draw(), atol=1)

@@ -20,7 +20,13 @@ from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.errors import InputError
+from limen.frame.renderer import Renderer
+from limen.layers.common.room_placement import RoomPlacement
+from limen.layers.image.layer import ImageLayer
+from limen.layers.mesh.layer import MeshLayer
+from limen.show.show import Show
 from limen.show.window import Surface
+from limen.viewing.camera import Camera
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy
@@ -57,15 +63,14 @@ def draw(device: Any, live: Any, number: int, size_px: tuple[int, int], time_s: 
 
 
 def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
-    from limen.layers.mesh.renderer import SceneRenderer
     from limen.show.live_outputs import LiveOutputs
-    from limen.show.stage import MeshExhibit, SceneSettings
 
-    live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), MAPPED, VIEWER)
+    live = LiveOutputs(device, Show([mesh]), MAPPED, VIEWER)
     windows = [draw(device, live, number, quilt.size_px) for number, quilt in enumerate(MAPPED.quilts)]
     live.close()
-    with SceneRenderer(device, MAPPED, mesh) as renderer:
-        quilts = {name: picture.copy() for name, picture, _ in renderer.quilt_pictures(VIEWER)}
+    with Renderer(device, MAPPED, [MeshLayer(mesh)]) as renderer:
+        drawn = renderer.pictures(renderer.state(0.0, viewers=(VIEWER,)), by="quilts")
+        quilts = {picture.name: picture.pixels.copy() for picture in drawn}
     assert list(quilts) == ["one", "two"]
     for window, quilt in zip(windows, quilts.values(), strict=True):
         np.testing.assert_array_equal(window, quilt)
@@ -74,9 +79,8 @@ def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
 
 def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
     from limen.show.live_outputs import LiveOutputs
-    from limen.show.stage import MeshExhibit, SceneSettings
 
-    live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings(animate="turn")), MAPPED, VIEWER)
+    live = LiveOutputs(device, Show([MeshLayer(mesh, RoomPlacement(turning=True))]), MAPPED, VIEWER)
     first, second = (quilt.size_px for quilt in MAPPED.quilts)
     still = draw(device, live, 1, second)
     draw(device, live, 0, first, time_s=2.0)
@@ -95,9 +99,8 @@ def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
 
 def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
     from limen.show.live_outputs import LiveOutputs
-    from limen.show.stage import MeshExhibit, SceneSettings
 
-    live = LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), MAPPED, VIEWER)
+    live = LiveOutputs(device, Show([mesh]), MAPPED, VIEWER)
     with pytest.raises(InputError, match="output 'two' has 90 x 120 pixels and its quilt 80 x 120"):
         draw(device, live, 1, (90, 120))
     live.close()
@@ -105,12 +108,11 @@ def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
 
 def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device: Any, mesh: Mesh) -> None:
     from limen.show.live_outputs import LiveOutputs
-    from limen.show.stage import MeshExhibit, SceneSettings
 
     with pytest.raises(InputError, match="add \\[\\[quilt\\]\\]"):
-        LiveOutputs(device, MeshExhibit(mesh, SceneSettings()), Display("bare", (LEFT,)), VIEWER)
+        LiveOutputs(device, Show([mesh]), Display("bare", (LEFT,)), VIEWER)
     with pytest.raises(InputError, match="one picture at a time"):
-        LiveOutputs(device, MeshExhibit(mesh, SceneSettings(stereo="sequential")), MAPPED, VIEWER)
+        LiveOutputs(device, Show([mesh], stereo="sequential"), MAPPED, VIEWER)
 
 
 @pytest.mark.parametrize(
@@ -128,41 +130,50 @@ def test_which_screen_an_output_means(output: str, names: list[str], screen: int
 
 def test_an_image_fills_every_window_with_its_quilt(device: Any, tmp_path: Path) -> None:
     """Pages come while frames are drawn; all windows of a frame show one choice, with the lens where it is then."""
-    from limen.layers.image.renderer import LensMoves, Renderer
-    from limen.show.image_stage import ImageExhibit
     from limen.show.live_outputs import LiveOutputs
 
     texels = np.random.default_rng(5).integers(30, 256, (300, 600, 3), dtype=np.uint8)
     Picture.fromarray(texels.repeat(3, axis=0).repeat(3, axis=1)).save(tmp_path / "image.png")
     full, lens = Policy("full"), Lens((900.0, 450.0), 200.0, 3.0)
     with limen.open(tmp_path / "image.png") as image:  # type: ignore[union-attr]
-        moves = LensMoves(moving=lambda time_s: (lens,) if time_s >= 1 else ())
-        exhibit = ImageExhibit(image, full, OnSurface("cover"), moves)
-        live = LiveOutputs(device, exhibit, MAPPED, VIEWER)
+        layer = ImageLayer(image, OnSurface("cover"), full, lambda time_s: (lens,) if time_s >= 1 else ())
+        live = LiveOutputs(device, Show([layer]), MAPPED, VIEWER)
         for time_s in (0.0, 1.0):
             missing, frames = 1, 0
             while missing or frames < 20:  # pages that came late fade in by the clock
-                windows = [draw(device, live, k, quilt.size_px, time_s) for k, quilt in enumerate(MAPPED.quilts)]
-                (first, second), frames = live.last, frames + 1
-                assert first is not None
-                assert second is not None
-                assert first.report is second.report, "of one choice"
-                missing = first.report.missing + first.report.uploads
+                now_s = time_s + min(0.02 * frames, 0.9)
+                windows = [draw(device, live, k, quilt.size_px, now_s) for k, quilt in enumerate(MAPPED.quilts)]
+                frames += 1
+                assert live.last is not None
+                missing = live.last.missing + live.last.layers[0].uploads
                 time.sleep(0.02)
             placement = OnSurface("cover", lenses=(lens,) if time_s else ())
-            with Renderer(device, MAPPED, image, placement) as renderer:
-                quilts = [picture.copy() for _, picture, _ in renderer.quilt_pictures([VIEWER], full)]
+            with Renderer(device, MAPPED, [ImageLayer(image, placement, full)]) as renderer:
+                frame = renderer.state(0.0, viewers=(VIEWER,))
+                quilts = [picture.pixels.copy() for picture in renderer.pictures(frame, by="quilts")]
             for window, quilt in zip(windows, quilts, strict=True):
                 assert (np.abs(window.astype(int) - quilt).max(axis=-1) <= 1).mean() > 0.999
         live.close()
 
 
-def test_an_image_is_not_shown_as_an_eye_would_see_the_wall(device: Any, tmp_path: Path) -> None:
-    from limen.show.image_stage import ImageExhibit
+def test_all_windows_of_a_frame_show_one_choice(device: Any, mesh: Mesh) -> None:
+    """What the first window was drawn for, the others are: whatever has come, or was pressed, meanwhile."""
+    from limen.show.live_outputs import LiveOutputs
 
+    live = LiveOutputs(device, Show([mesh]), MAPPED, VIEWER)
+    first, second = (quilt.size_px for quilt in MAPPED.quilts)
+    draw(device, live, 0, first)
+    chosen = live._chosen
+    draw(device, live, 1, second)
+    assert live._chosen is chosen
+    draw(device, live, 0, first)
+    assert live._chosen is not chosen
+    live.close()
+
+
+def test_an_eye_sees_an_image_on_the_lit_wall(device: Any, tmp_path: Path) -> None:
     Picture.new("RGB", (600, 300), (90, 140, 60)).save(tmp_path / "image.png")
-    with limen.open(tmp_path / "image.png") as image:  # type: ignore[union-attr]
-        stage = ImageExhibit(image, Policy("full"), OnSurface()).on(device, MAPPED)
-        with pytest.raises(InputError, match="not built of images"):
-            stage.textures([VIEWER], overlay=False)
-        stage.close()
+    with limen.open(tmp_path / "image.png") as image, Show([image]).renderer(device, MAPPED) as renderer:  # type: ignore[union-attr]
+        frame = renderer.state(0.0, viewers=(VIEWER,))
+        (seen,) = renderer.seen(frame, [Camera(VIEWER.position_m, (-0.15, 1.3, 0.0), (60, 40), 20.0)])
+    assert np.abs(seen[..., :3].astype(int) - (90, 140, 60)).max(axis=-1).min() <= 1, "its colour is seen"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,12 @@ import wgpu
 from numpy.typing import NDArray
 
 from limen.data.mesh.mesh import Mesh
-from limen.data.samples.mesh import torus_knot
+from limen.data.samples.mesh import ripple, torus_knot
 from limen.display.display import Display
 from limen.errors import InputError
+from limen.layers.common.room_placement import RoomPlacement
+from limen.layers.mesh.layer import MeshLayer
+from limen.show.show import Show
 from limen.show.window import Surface
 from limen.viewing.viewer import Viewer
 
@@ -34,12 +38,15 @@ class Screen:
     def __init__(self, device: Any, mesh: Mesh, display: Display | None = None, tour: Any = STANDER, **fields: Any):
         from limen.gpu.buffers import TextureReader
         from limen.show.live_scene import LiveScene
-        from limen.show.stage import MeshExhibit, SceneSettings
 
         self.device = device
-        of_exhibit = {name: fields.pop(name) for name in ("simplified", "overlay") if name in fields}
-        exhibit = MeshExhibit(mesh, SceneSettings(**fields), **of_exhibit)
-        self.live = LiveScene(device, exhibit, display, tour, overlay="overlay" in of_exhibit)
+        stereo, animate = fields.pop("stereo", "none"), fields.pop("animate", "none")
+        of_layer = {name: fields.pop(name) for name in ("policy", "tree", "overlay", "depth") if name in fields}
+        if animate == "ripple":
+            of_layer["deformed"] = partial(ripple, mesh)
+        layer = MeshLayer(mesh, RoomPlacement(**fields, turning=animate == "turn"), **of_layer)
+        show = Show([layer], display, stereo=stereo)
+        self.live = LiveScene(device, show, display, tour, overlay="overlay" in of_layer)
         self._reader = TextureReader(device)
         self.title = ""
 
@@ -164,10 +171,10 @@ def test_dragging_leads_the_viewer_around_a_simulated_display(device: Any, mesh:
         first = screen.draw()
         assert 0.02 < lit(first).mean() < 0.8
         assert screen.live.last is not None
-        assert screen.live.last.panels_active == 3
+        assert screen.live.last.layers[0].panels_active == 3
         screen.drag(100, 0)  # 30 degrees to the left: straight before the front
         before = screen.draw()
-        assert screen.live.last.panels_active == 2
+        assert screen.live.last.layers[0].panels_active == 2
         assert share_apart(first, before) > 0.02
         screen.drag(-100 + 360 / 0.3, 0)
         assert share_apart(screen.draw(), first) < 0.005, "all around"
@@ -258,26 +265,27 @@ def test_closing_frees_what_was_made(device: Any, mesh: Mesh, monkeypatch: pytes
 def test_what_a_window_is_asked_for_reaches_the_renderer(device: Any, mesh: Mesh) -> None:
     """The overlay by its name, the depth that panels share, and where somebody before a window looks."""
     from limen.data.mesh.tree_build import build_vertex_tree
-    from limen.layers.mesh.renderer import Simplified
     from limen.layers.mesh.select import FoldTree
     from limen.viewing.policy import Policy
 
-    simplified = Simplified(FoldTree(build_vertex_tree(mesh)), Policy("contrast", 6.0, gaze=True))
+    folds = {"policy": Policy("contrast", 6.0, gaze=True), "tree": FoldTree(build_vertex_tree(mesh))}
     with (
-        Screen(device, mesh, simplified=simplified, overlay="panels") as panels,
-        Screen(device, mesh, simplified=simplified, overlay="simplified") as folded,
+        Screen(device, mesh, **folds, overlay="panels") as panels,
+        Screen(device, mesh, **folds, overlay="simplified") as folded,
     ):
         assert share_apart(panels.draw(), folded.draw()) > 0.05
     beside = replace(STANDER, gaze=(1.0, 0.0, -0.2))
     with (
-        Screen(device, mesh, simplified=simplified) as ahead,
-        Screen(device, mesh, tour=beside, simplified=simplified) as aside,
+        Screen(device, mesh, **folds) as ahead,
+        Screen(device, mesh, tour=beside, **folds) as aside,
     ):
         ahead.draw()
         aside.draw()
         assert ahead.live.last is not None
         assert aside.live.last is not None
-        assert aside.live.last.left < ahead.live.last.left, "less is left of what is seen from the corner of the eye"
+        assert aside.live.last.layers[0].items < ahead.live.last.layers[0].items, (
+            "less is left of what is seen from the corner of the eye"
+        )
     with Screen(device, mesh, depth="shared") as screen:
         screen.draw()
-        assert screen.live._stage._renderer._depth == "shared"
+        assert screen.live._renderer.layers[0].depth == "shared"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lands import GridLand
 
 from limen.errors import InputError
-from limen.layers.terrain.patches import PatchPlaces, patch_stream
+from limen.layers.terrain.patches import PatchPlaces, patch_ranges, patch_streaming
 
 HEIGHTS = np.add.outer(np.arange(65.0), np.arange(129.0))
 
@@ -22,6 +22,11 @@ def land(**options):
 
 
 LAND = land()
+
+
+def patch_stream(source, *, vertex_capacity, index_capacity, **streaming):
+    """A terrain's patches on their way to buffers of so many vertices and indices."""
+    return patch_streaming(source, **streaming).stream(patch_ranges(source, vertex_capacity, index_capacity), 2)
 
 
 class Buffers:

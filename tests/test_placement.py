@@ -10,8 +10,9 @@ import pytest
 
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.layers.common.room_placement import mesh_in_room
-from limen.show.stage import SceneSettings
+from limen.layers.common.room_placement import RoomPlacement, mesh_in_room
+from limen.layers.mesh.layer import MeshLayer
+from limen.show.show import Show
 from limen.viewing.arrangement import arrangement_of
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface, carried_lenses, texel_pointed_at
@@ -75,7 +76,7 @@ def test_up_and_turn_are_about_the_middle() -> None:
     np.testing.assert_allclose(turned[:3, :3] @ [1.0, 0, 0], [0, 0, -1], atol=1e-12)
 
 
-def test_what_is_tilted_shows_its_upper_side():
+def test_what_is_tilted_shows_its_upper_side() -> None:
     leaning = mesh_in_room(BOX, Display.preset("desktop"), size_m=2.0, at_m=(0, 0, 0), up="z", tilt_deg=40.0)
     _, y, z = leaning[:3, :3] @ [0, 0, 1]
     assert math.degrees(math.atan2(z, y)) == pytest.approx(40)
@@ -93,18 +94,21 @@ def test_what_has_no_size_is_refused() -> None:
 
 
 def test_what_turns_moves_about_its_middle_unless_time_is_paused() -> None:
-    settings, desk = SceneSettings(animate="turn"), Display.preset("desktop")
-    box = Box(BOX)
-    moves = settings.motion(box, desk, 1.5)
-    before, after = (settings.room_from_mesh(box, desk, time_s) for time_s in (1.49, 1.51))
+    stands, desk = RoomPlacement(turning=True), Display.preset("desktop")
+    layer = MeshLayer(Box(BOX), stands)  # type: ignore[arg-type]
+    moves = layer.state(1.5, desk).motion_matrix
+    before, after = (stands.at(BOX, desk, time_s) for time_s in (1.49, 1.51))
     places = np.concatenate([BOX, [BOX.mean(axis=0)]])
     ways = (places @ (after - before)[:3, :3].T + (after - before)[:3, 3]) / 0.02
-    stand = settings.room_from_mesh(box, desk, 1.5)
+    stand = stands.at(BOX, desk, 1.5)
     room = np.column_stack([places @ stand[:3, :3].T + stand[:3, 3], np.ones(3)])
     np.testing.assert_allclose(room @ moves.T, ways, atol=1e-4)
     assert np.linalg.norm(ways[0]) > 0.01 > 1e-6 > np.linalg.norm(ways[2])
-    assert not settings.motion(box, desk, 1.5, paused=True).any()
-    assert not SceneSettings().motion(box, desk, 1.5).any()
+    (passing,), (paused,) = (Show((layer,)).frame(desk, 1.5, (), paused=each).layers for each in (False, True))
+    assert np.array_equal(passing.motion_matrix, moves)
+    assert not paused.motion_matrix.any()
+    assert paused.placement == passing.placement
+    assert not MeshLayer(Box(BOX)).state(1.5, desk).motion_matrix.any()  # type: ignore[arg-type]
 
 
 def test_lenses_are_lenses() -> None:

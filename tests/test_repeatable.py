@@ -7,9 +7,12 @@ import random
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -18,18 +21,27 @@ import limen
 from clouds import ball
 from ground import write_dem
 from limen.data import sample_image
+from limen.data.mesh.tree_build import build_vertex_tree
+from limen.data.samples.mesh import torus_knot
 from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
-from limen.layers.image.renderer import Renderer
-from limen.layers.points.renderer import PointsRenderer
-from limen.layers.terrain.renderer import TerrainRenderer
-from limen.layers.terrain.resources import Draped
+from limen.frame.renderer import GPU_BYTES, Renderer
+from limen.layers.base import Layer
+from limen.layers.common.room_placement import RoomPlacement
+from limen.layers.image.layer import ImageLayer
+from limen.layers.mesh.layer import MeshLayer
+from limen.layers.mesh.select import FoldTree
+from limen.layers.points.layer import PointsLayer
+from limen.layers.registry import KINDS
+from limen.layers.terrain.layer import Draped, TerrainLayer
+from limen.layers.terrain.look import TerrainLook
 from limen.layers.terrain.selector import TerrainSettings
 from limen.viewing.lens import Lens
 from limen.viewing.placement import LookAt, OnShape, OnSurface
 from limen.viewing.policy import Policy
-from limen.viewing.viewer import Viewer
+from limen.viewing.state import FrameState, decode, encode
+from limen.viewing.viewer import Pointer, Viewer
 from processes import PYTHON, finished
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
@@ -37,7 +49,7 @@ pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 WALL = Display.named("rostock").scaled(1 / 12)
 EYE = (0.3, 1.5, 0.2)
 VIEWER = Viewer(EYE, direction=(0, 0, -1), eye_separation_m=0.0)
-ACUITY = Policy("acuity")
+ACUITY, ACUITY_AT_GAZE = Policy("acuity"), Policy("acuity", 8.0, gaze=True)
 Pictures = dict[str, NDArray[np.uint8]]
 """What every panel shows."""
 
@@ -64,8 +76,10 @@ class Shuffled:
         return late
 
 
-def settled(drawn: Iterator[tuple[str, NDArray[np.uint8], Any]]) -> Pictures:
-    return {name: picture.copy() for name, picture, _ in drawn}
+def settled(renderer: Renderer, frame: FrameState | None = None) -> Pictures:
+    """Of a frame, or of the one that all stands still in."""
+    frame = frame or renderer.state(0.0, viewers=(VIEWER,))
+    return {name: picture.copy() for name, picture, _ in renderer.pictures(frame)}
 
 
 def assert_all_equal(pictures: list[Pictures]) -> None:
@@ -110,70 +124,150 @@ class Conditions(NamedTuple):
 CONDITIONS = Conditions(1, 1), Conditions(2, 4), Conditions(3, 3, 3)
 
 
-def of_image(device: Any, world: Path, placement: Any, under: Conditions) -> Pictures:
+# ---------------------------------------------------------------------- contents
+
+
+@contextmanager
+def an_image(world: Path, placement: Any, under: Conditions, policy: Policy = ACUITY) -> Iterator[ImageLayer]:
     with limen.open(world) as image:  # type: ignore[union-attr]
         shuffled: Any = Shuffled(image, under.seed)
-        with Renderer(
-            device, WALL, shuffled, placement, threads=under.threads, gpu_bytes=1 << 29 >> under.halvings
-        ) as renderer:
-            return settled(renderer.pictures([VIEWER], ACUITY))
+        yield ImageLayer(shuffled, placement, policy)
 
 
-def of_terrain(device: Any, world: Path, hills: Path, under: Conditions) -> Pictures:
+@contextmanager
+def a_terrain(
+    world: Path, hills: Path, under: Conditions, policy: Policy = ACUITY, flight: Any = "none"
+) -> Iterator[TerrainLayer]:
     """With the picture of the world on it."""
     with limen.open(world) as image:  # type: ignore[union-attr]
         land: Any = Shuffled(Terrain.open(hills), under.seed)
         lies = np.array([[image.size_px[0] / land.size_posts[0], 0, 0], [0, image.size_px[1] / land.size_posts[1], 0]])
-        with TerrainRenderer(
-            device, WALL, land, settings=TerrainSettings(look_at=LookAt((0.55, 0.5), 30, 35, 5_000)), reference_m=EYE,
-            gpu_bytes=1 << 28 >> min(under.halvings, 1), draped=Draped(Shuffled(image, under.seed + 1), lies),
-            threads=under.threads,
-        ) as renderer:  # fmt: skip
-            return settled(renderer.pictures([VIEWER], ACUITY))
+        shuffled: Any = Shuffled(image, under.seed + 1)
+        settings = TerrainSettings(LookAt((0.55, 0.5), 30, 35, 5_000), flight)
+        yield TerrainLayer(land, TerrainLook(), settings, policy, EYE, Draped(shuffled, lies))
 
 
-def of_points(device: Any, under: Conditions) -> Pictures:
+def some_points(under: Conditions, stands: RoomPlacement, policy: Policy = ACUITY) -> PointsLayer:
     shuffled: Any = Shuffled(ball(40_000), under.seed)
-    stands = np.array([[1.2, 0, 0, 0.3], [0, 1.2, 0, 1.5], [0, 0, 1.2, -3.5], [0, 0, 0, 1.0]])
-    with PointsRenderer(
-        device, WALL, shuffled, room_from_file=stands, threads=under.threads, gpu_bytes=1 << 27 >> under.halvings
-    ) as renderer:
-        return settled(renderer.pictures([VIEWER], ACUITY))
+    return PointsLayer(shuffled, stands, policy)
+
+
+STANDS = np.array([[1.2, 0, 0, 0.3], [0, 1.2, 0, 1.5], [0, 0, 1.2, -3.5], [0, 0, 0, 1.0]])
+
+
+def drawn(device: Any, layer: Layer, under: Conditions, frame: FrameState | None = None) -> Pictures:
+    halvings = min(under.halvings, 1) if layer.kind == "terrain" else under.halvings
+    gpu_bytes = GPU_BYTES >> halvings + (layer.kind == "terrain")
+    with Renderer(device, WALL, [layer], threads=under.threads, gpu_bytes=gpu_bytes) as renderer:
+        return settled(renderer, frame)
+
+
+# ---------------------------------------------------------------------- whatever came first, of one frame
 
 
 @pytest.mark.parametrize("placement", PLACEMENTS.values(), ids=PLACEMENTS.keys())
 def test_of_an_image(placement: Any, world: Path, device: Any) -> None:
-    assert_all_equal([of_image(device, world, placement, under) for under in CONDITIONS])
+    pictures = []
+    for under in CONDITIONS:
+        with an_image(world, placement, under) as layer:
+            pictures.append(drawn(device, layer, under))
+    assert_all_equal(pictures)
 
 
 def test_of_a_terrain_with_a_picture_on_it(hills: Path, world: Path, device: Any) -> None:
-    assert_all_equal([of_terrain(device, world, hills, under) for under in CONDITIONS])
+    pictures = []
+    for under in CONDITIONS:
+        with a_terrain(world, hills, under) as layer:
+            pictures.append(drawn(device, layer, under))
+    assert_all_equal(pictures)
 
 
 def test_of_a_cloud_of_points(device: Any) -> None:
-    assert_all_equal([of_points(device, under) for under in CONDITIONS])
+    stands = RoomPlacement(matrix=STANDS)
+    assert_all_equal([drawn(device, some_points(under, stands), under) for under in CONDITIONS])
 
 
-def all_kinds(device: Any, world: Path, hills: Path, under: Conditions) -> Pictures:
-    drawn = {
-        "image": of_image(device, world, PLACEMENTS["through a lens"], under),
-        "terrain": of_terrain(device, world, hills, under),
-        "points": of_points(device, under),
-    }
-    return {f"{kind} {panel}": picture for kind, pictures in drawn.items() for panel, picture in pictures.items()}
+# ---------------------------------------------------------------------- from the message of a frame
+
+LENS = Lens((2000.0, 1000.0), 600.0, 4.0)
+_HILL = np.minimum(np.arange(9), np.arange(9)[::-1]) / 8
+TABLE = Lens((0.0, 0.0), (400.0, 300.0), 2.0, heights=np.add.outer(_HILL, _HILL))
+TURNING = RoomPlacement(size_m=2.4, at_m=(0.3, 1.5, -2.8), turn_deg=20, turning=True)
+PEOPLE = (
+    Viewer(EYE, direction=(0.1, -0.2, -3.0), gaze=(-0.4, -0.1, -1.0), time_s=7.7, name="one", velocity_m_s=(0.3, 0, 0)),
+    Viewer((-1.1, 1.7, 0.6), direction=(0.3, 0.0, -0.7), acuity_arcmin=5.0, eye_separation_m=0.0),
+)
+POINTERS = (Pointer((0.5, 1.3, 0.1), (-0.3, 0.1, -2.0), name="hand"),)
+
+
+@contextmanager
+def in_motion(kind: str, world: Path, hills: Path, under: Conditions) -> Iterator[Layer]:
+    """Content of every kind, that makes use of all that a message says."""
+    unhurried = Policy.parse("contrast+gaze+motion", 12.0)
+    if kind == "image":
+        with an_image(world, OnSurface("cover", lenses=(LENS,), carried=(TABLE,)), under, ACUITY_AT_GAZE) as image:
+            yield image
+    elif kind == "terrain":
+        with a_terrain(world, hills, under, ACUITY_AT_GAZE, "orbit") as terrain:
+            yield terrain
+    elif kind == "points":
+        yield some_points(under, TURNING, unhurried)
+    else:
+        yield MeshLayer(knot(), TURNING, unhurried, FoldTree(build_vertex_tree(knot())))
+
+
+@cache
+def knot() -> limen.Mesh:
+    return torus_knot(6000)
+
+
+def frame_of(layer: Layer) -> FrameState:
+    state = layer.state(1.3, WALL)
+    if state.motion is not None:  # as if it turned faster: then it is drawn with less detail than if it stood still
+        state = msgspec.structs.replace(state, motion=tuple(30 * number for number in state.motion))
+    return FrameState(number=39, time_s=1.3, viewers=PEOPLE, pointers=POINTERS, layers=(state,))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_of_a_message_that_was_sent(kind: str, world: Path, hills: Path, device: Any) -> None:
+    pictures = []
+    for under, sent in zip(CONDITIONS[:2], (False, True), strict=True):
+        with in_motion(kind, world, hills, under) as layer:
+            frame = frame_of(layer)
+            pictures.append(drawn(device, layer, under, decode(encode(frame)) if sent else frame))
+    assert_all_equal(pictures)
+
+
+def all_kinds(device: Any, world: Path, hills: Path, under: Conditions, messages: dict[str, bytes]) -> Pictures:
+    """What is drawn from messages, one for each kind."""
+    pictures = {}
+    for kind, message in messages.items():
+        with in_motion(kind, world, hills, under) as layer:
+            assert encode(frame_of(layer)) == message, "this process would have sent the same"
+            for panel, picture in drawn(device, layer, under, decode(message)).items():
+                pictures[f"{kind} {panel}"] = picture
+    return pictures
 
 
 def test_in_another_process(world: Path, hills: Path, device: Any, tmp_path: Path) -> None:
     """A message and data are the same picture to whoever draws it, which is what walls of many nodes stand on."""
     script = (
         "import sys, test_repeatable as here; from pathlib import Path; from limen.gpu.device import open_device\n"
+        "world, hills, sent, kept = map(Path, sys.argv[1:])\n"
+        "messages = {path.name: path.read_bytes() for path in sent.iterdir()}\n"
         "with open_device() as device:\n"
-        "    drawn = here.all_kinds(device, *map(Path, sys.argv[1:3]), here.Conditions(7, 5, 2))\n"
-        "here.np.savez(sys.argv[3], **drawn)"
+        "    drawn = here.all_kinds(device, world, hills, here.Conditions(7, 5, 2), messages)\n"
+        "here.np.savez(kept, **drawn)"
     )
+    sent, kept = tmp_path / "sent", tmp_path / "drawn.npz"
+    sent.mkdir()
+    messages = {}
+    for kind in KINDS:
+        with in_motion(kind, world, hills, CONDITIONS[0]) as layer:
+            messages[kind] = encode(frame_of(layer))
+            (sent / kind).write_bytes(messages[kind])
     path = os.pathsep.join(sys.path)
-    kept = tmp_path / "drawn.npz"
-    ended = finished([*PYTHON, "-c", script, world, hills, kept], 200, env=os.environ | {"PYTHONPATH": path})
+    ended = finished([*PYTHON, "-c", script, world, hills, sent, kept], 200, env=os.environ | {"PYTHONPATH": path})
     assert ended.returncode == 0, ended.stderr
     with np.load(kept) as other:
-        assert_all_equal([all_kinds(device, world, hills, CONDITIONS[0]), dict(other)])
+        assert_all_equal([all_kinds(device, world, hills, CONDITIONS[0], messages), dict(other)])

@@ -13,10 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
-from limen.errors import InputError, PageError
+from limen.errors import PageError
 from limen.stream.allocators import Slots
-from limen.stream.chunks import ChunkStream, completed
-from limen.stream.pages import FADE_S, PageStream, _Pages
+from limen.stream.chunks import completed
+from limen.stream.pages import FADE_S, KeptTable, page_streaming
+from page_streams import PageStream
 from processes import PYTHON, finished
 
 SIDE = PAGE + 2 * GUTTER
@@ -56,6 +57,15 @@ def settle(stream, pool, wanted, frames=400):
             return
         stream.wait(0.05)
     raise AssertionError("the stream did not settle")
+
+
+def settle_at(stream, pool, wanted, now_s):
+    """All of it comes at one time of the clock that pages fade in by."""
+    while True:
+        pool.write(stream.update(wanted, now_s=now_s).arrived)
+        if stream.settled:
+            return
+        stream.wait(0.05)
 
 
 def test_what_is_wanted_becomes_resident_and_is_what_it_says():
@@ -122,6 +132,22 @@ def test_a_page_that_comes_late_fades_in_over_what_was_shown_before():
             assert table.fade[parent] == table.fade[pyramid.page_index(top, 0, 0)] == 1.0
 
 
+def test_a_kept_table_is_that_of_every_frame_and_one_object_while_nothing_changes():
+    source, pool = Source(), Pool()
+    with PageStream(source, slots=64) as stream:
+        kept = KeptTable(source.pyramid)
+        tables = []
+        for frame, wanted in enumerate([8] * 5 + [20] * 5):
+            begin_s = 10.0 + frame * 0.45 * FADE_S
+            settle_at(stream, pool, np.arange(wanted), begin_s)
+            tables.append(kept.of(stream.resident))
+            for ours, theirs in zip(tables[-1], stream.table(), strict=True):
+                np.testing.assert_array_equal(ours, theirs)
+        same = [one is other for one, other in itertools.pairwise(tables)]
+        fades = [False] * 3  # for 0.45, 0.9 and 1.35 of the time that it takes
+        assert same == [*fades, True, False, *fades, True]
+
+
 def test_a_broken_page_is_logged_once_and_its_ancestor_stays(caplog):
     source, pool = Source(broken={3}), Pool()
     with caplog.at_level(logging.WARNING), PageStream(source, slots=64) as stream:
@@ -184,22 +210,33 @@ def test_closing_in_the_middle_of_work_returns():
     stream = PageStream(Source(), slots=64)
     stream.update(np.arange(60))
     stream.close()
-    with pytest.raises(InputError, match="too small"):
-        PageStream(Source(), slots=1)
+
+
+def test_a_pool_of_one_page_holds_the_coarsest_and_denies_all_else():
+    source, pool = Source(), Pool()
+    with PageStream(source, slots=1) as stream:
+        settle(stream, pool, np.arange(8))
+        statistics = stream.update(np.arange(8)).statistics
+        assert (statistics.denied, statistics.missing, statistics.resident) == (8, 8, 1)
+        drawable = stream.drawable(np.arange(8))
+        assert (drawable.slot == 0).all()
+        assert (drawable.coarser == len(source.pyramid.levels) - 1).all()
+    assert source.reads == [source.pyramid.page_count - 1]
 
 
 def test_a_program_that_fails_before_it_closes_a_stream_ends():
     program = """
 import numpy as np
 from limen.data.pages import Pyramid
-from limen.stream.pages import PageStream
+from limen.stream.allocators import Slots
+from limen.stream.pages import page_streaming
 
 class Source:
     pyramid = Pyramid.of((4096, 2048))
     def read_page(self, page):
         return np.zeros((264, 264, 4), np.uint8)
 
-stream = PageStream(Source(), slots=64)
+stream = page_streaming(Source()).stream(Slots(64), 2)
 stream.update(np.arange(8))
 raise SystemExit(3)
 """
@@ -227,7 +264,7 @@ def test_a_picture_waits_for_what_stands_in_for_a_page_that_fails_meanwhile():
         source = Source(broken={3})
         with PageStream(source, slots=64) as stream:
             finished_soon([(stream, np.array([3]))])
-            parent = int(_Pages(source).parents(np.array([3]))[0])
+            parent = int(page_streaming(source).source.parents(np.array([3]))[0])
             assert stream.resident.mask[parent]
 
 
@@ -240,7 +277,7 @@ def test_a_whole_branch_that_fails_ends_in_the_coarsest_page_or_in_nothing():
 
 
 def test_a_chunk_that_is_denied_is_tried_again_when_what_held_its_room_is_let_go():
-    with ChunkStream(_Pages(Source()), Slots(2)) as stream:
+    with page_streaming(Source()).stream(Slots(2), 2) as stream:
         settle_chunks(stream, np.array([1]))
         settle_chunks(stream, np.array([3]), in_use=np.array([1]))
         update = stream.update(np.array([3]), in_use=np.array([1]))

@@ -17,7 +17,14 @@ if TYPE_CHECKING:
     from limen.display.display import Display as Display
     from limen.display.panel import Panel as Panel
     from limen.errors import LimenError as LimenError
-    from limen.show.rendering import render as render
+    from limen.frame.render import render as render
+    from limen.gpu.device import open_device as open_device
+    from limen.layers.common.room_placement import RoomPlacement as RoomPlacement
+    from limen.layers.image.layer import ImageLayer as ImageLayer
+    from limen.layers.mesh.layer import MeshLayer as MeshLayer
+    from limen.layers.points.layer import PointsLayer as PointsLayer
+    from limen.layers.terrain.layer import TerrainLayer as TerrainLayer
+    from limen.show.show import Show as Show
     from limen.viewing.lens import Lens as Lens
     from limen.viewing.placement import LookAt as LookAt
     from limen.viewing.tessellation import Tessellation as Tessellation
@@ -32,20 +39,27 @@ if TYPE_CHECKING:
 _HOMES = {
     "Display": "limen.display.display",
     "Image": "limen.data.image.file",
+    "ImageLayer": "limen.layers.image.layer",
     "Lens": "limen.viewing.lens",
     "LimenError": "limen.errors",
     "LookAt": "limen.viewing.placement",
     "Mesh": "limen.data.mesh.mesh",
+    "MeshLayer": "limen.layers.mesh.layer",
     "Panel": "limen.display.panel",
     "Pointer": "limen.viewing.viewer",
     "Points": "limen.data.points.file",
+    "PointsLayer": "limen.layers.points.layer",
+    "RoomPlacement": "limen.layers.common.room_placement",
+    "Show": "limen.show.show",
     "Terrain": "limen.data.terrain.file",
+    "TerrainLayer": "limen.layers.terrain.layer",
     "Tessellation": "limen.viewing.tessellation",
     "Tolerance": "limen.viewing.tolerance",
     "Viewer": "limen.viewing.viewer",
     "open": "limen.data",
+    "open_device": "limen.gpu.device",
     "optimal_distance_m": "limen.vision.acuity",
-    "render": "limen.show.rendering",
+    "render": "limen.frame.render",
     "resolution_cpd": "limen.vision.resolution",
     "sensitivity": "limen.vision.contrast",
     "visible_cpd": "limen.vision.visible",
@@ -54,18 +68,25 @@ _HOMES = {
 __all__ = [
     "Display",
     "Image",
+    "ImageLayer",
     "Lens",
     "LimenError",
     "LookAt",
     "Mesh",
+    "MeshLayer",
     "Panel",
     "Pointer",
     "Points",
+    "PointsLayer",
+    "RoomPlacement",
+    "Show",
     "Terrain",
+    "TerrainLayer",
     "Tessellation",
     "Tolerance",
     "Viewer",
     "open",
+    "open_device",
     "optimal_distance_m",
     "render",
     "resolution_cpd",

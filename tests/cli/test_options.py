@@ -234,7 +234,7 @@ def test_other_verbs_hear(verb: str, desk: Desk) -> None:
         ("bench image mesh", "leave out 'mesh'"),
         ("verify image.tif mesh.ply --display wall.toml", "one content at a time: leave out 'mesh.ply'"),
         ("calibrate boards wall.toml --display wall.toml --out x", "calibrate boards takes options alone"),
-        ("show image.tif mesh.ply terrain.tif", "leave out 'mesh.ply', 'terrain.tif'"),
+        ("traffic image.tif mesh.ply terrain.tif --display wall.toml", "leave out 'mesh.ply', 'terrain.tif'"),
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("calibration")

@@ -33,15 +33,12 @@ def show(desk: Desk, contents: dict[str, Any], monkeypatch: pytest.MonkeyPatch) 
     """A desk where ``limen show`` ends as soon as a renderer has been asked; content is open already."""
     monkeypatch.setattr("limen.cli.show_content.opened_content", lambda _out, path: contents[str(path)])
     keep_open(monkeypatch, contents[NAMES["image"]])
-    monkeypatch.setattr(
-        "limen.cli.show_content.simplified_mesh",
-        lambda _out, _mesh, policy: None if policy.name == "full" else SimpleNamespace(policy=policy),
-    )
+    monkeypatch.setattr("limen.data.mesh.store.tree_of", lambda _mesh: None)
+    monkeypatch.setattr("limen.cli.show_content.FoldTree", lambda _tree: SimpleNamespace())
     desk.watch(
-        "limen.cli.show_content.run_live", "limen.cli.show_live.run_live_scene", "limen.cli.show_live.run_live_outputs"
-    )
-    desk.watch("limen.cli.show_content.write_image_frames", "limen.cli.show_content.write_mesh_frames")
-    desk.watch("limen.cli.show_content.write_terrain_frames", "limen.cli.show_points.write_points_frames")
+        "limen.cli.show_content.run_live", "limen.cli.show_content.run_live_scene",
+        "limen.cli.show_content.run_live_outputs", "limen.cli.show_content.write_frames",
+    )  # fmt: skip
     return desk
 
 
@@ -79,14 +76,12 @@ def test_show_hears_or_refuses(kind: Kind, way: Way, show: Desk, showing: Verb) 
 
 TOGETHER: list[tuple[tuple[str, ...], str]] = [
     (("image.tif", "--out", "out", "--window", "outputs", "--display", "wall.toml"), "--window says where"),
-    (("terrain.tif", "--out", "out", "--write", "quilts"), "of terrains, pictures of every panel are written"),
-    (("image.tif", "--display", "wall.toml", "--window", "eye"), "--window eye is not built of images"),
     (
         ("image.tif", "--display", "wall.toml", "--window", "outputs", "--lens-mode", "error"),
         "--lens-mode is of a lens",
     ),
-    (("terrain.tif", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes"),
-    (("points.ply", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes"),
+    (("image.tif", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes, points and terrains"),
+    (("points.ply", "--stereo", "sequential"), "give --stereo none or anaglyph, or --out"),
     (("mesh.ply", "--stereo", "sequential"), "give --stereo none or anaglyph, or --out"),
     (("mesh.ply", "--out", "out", "--stereo", "sequential", "--write", "quilts"), "--stereo sequential is written for"),
     (
@@ -113,7 +108,10 @@ TOGETHER: list[tuple[tuple[str, ...], str]] = [
     (("terrain.tif", "--flight", "traverse", "--target", "0.2,0.3"), "leave out the target"),
     (("image.tif", "--display", "wall.toml", "--panels", "a", "lfet"), "no panel of 'two' matches lfet"),
     (("image.tif", "--display", "wall.toml", "--session", "walk.csv", "--viewer", "0,0,0"), "--session or --viewer"),
-    (("image.tif", "mesh.ply"), "takes one content at a time (several cannot be shown together yet): leave out"),
+    (("image.tif", "mesh.ply", "--lit"), "this content is an image and a mesh: leave out --lit, which is for points"),
+    (("image.tif", "mesh.ply", "--overlay", "levels"), "--overlay levels is not for a mesh"),
+    (("image.tif", "scene.toml"), "a show file says all that is shown: give it alone"),
+    (("scene.toml", "--fit", "cover"), "--fit is said in a show file, for each layer: leave it out"),
 ]
 
 

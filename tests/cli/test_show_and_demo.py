@@ -49,10 +49,15 @@ def test_show_writes_what_it_promises(world, tmp_path, capsys):
     frames = json.loads(capsys.readouterr().out)["frames"]
     assert len(frames) == 2
     for frame in frames:
-        assert {"time_s", "policy", "panels_active", "pages", "triangles", "splats", "max_error_px"} <= set(frame)
-        assert {"select_ms", "draw_ms", "files"} <= set(frame)
+        assert set(frame) == {"number", "time_s", "scale", "layers", "files"}
+        (layer,) = frame["layers"]
+        assert {"kind", "name", "policy", "panels_active", "items", "drawn", "chunks", "missing", "uploads"} <= set(
+            layer
+        )
+        assert {"error_px", "allowed_px", "distance_factor", "select_ms", "stream_ms", "draw_ms"} <= set(layer)
+        assert (layer["kind"], layer["name"]) == ("image", "world.tif")
         assert len(frame["files"]) == 4 + 2
-        assert frame["pages"] > 0
+        assert layer["items"] > 0
     assert frames[0]["time_s"] < frames[1]["time_s"]
     pictures = [Path(name) for frame in frames for name in frame["files"]]
     assert all(path.exists() for path in pictures)
@@ -80,7 +85,8 @@ def test_a_preview_tells_what_the_true_panels_need(policy, world, tmp_path, caps
         assert limen(*words, "--viewer", "-1.4,2,-1.3", "--out", tmp_path / scale, "--scale", scale, "--json") == 0
         frames += json.loads(capsys.readouterr().out)["frames"]
     true, small = frames
-    assert (small["pages"], small["max_error_px"]) == (true["pages"], true["max_error_px"])
+    (few,), (many,) = small["layers"], true["layers"]
+    assert (few["items"], few["chunks"], few["error_px"]) == (many["items"], many["chunks"], many["error_px"])
     assert (true["scale"], small["scale"]) == (1.0, pytest.approx(0.1))
 
 
@@ -93,10 +99,10 @@ def test_a_window_opens_and_closes(world):
         window = [*CHILD, "xvfb-run", "-a", *LIMEN, "show", world, *words, "--seconds", 6, "--json"]
         done = finished(window, timeout_s=120)
         assert done.returncode == 0, done.stderr
-        frame = json.loads(done.stdout)["frames"][0]
-        assert frame["pages"] > 0
+        (shown,) = json.loads(done.stdout)["frames"][0]["layers"]
+        assert shown["items"] > 0
         # Before a still viewer everything has come; before a walking one, nearly.
-        assert frame["missing"] <= late * frame["pages"]
+        assert shown["missing"] <= late * shown["items"]
 
 
 @pytest.mark.timeout(600)  # it makes an image of 0.66 gigapixels
@@ -281,7 +287,7 @@ def test_lenses_change_what_they_reach(tmp_path, capsys):
     changed = np.abs(after - before).max(axis=-1) > 12
     assert 0.02 < changed.mean() < 0.3
     assert not changed[:, : changed.shape[1] // 4].any()
-    assert through["pages"] > plain["pages"]
+    assert through["layers"][0]["items"] > plain["layers"][0]["items"]
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from PIL import Image as Picture
 
 import limen
 from limen.cli.app import main
-from limen.cli.show_mesh import check_files
+from limen.cli.show_files import check_files
 from limen.data import sample_image
 from limen.data.samples.mesh import sample_mesh
 from limen.display.display import Display
@@ -67,8 +67,8 @@ def run(*words: object) -> int:
 @pytest.fixture
 def show(device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Show:
     """``limen show ... --json`` with the tests' adapter, as opening one takes seconds; the frames of its answer."""
-    monkeypatch.setattr("limen.cli.show_mesh.open_device", lambda: nullcontext(device))
-    monkeypatch.setattr("limen.cli.show_mesh._SEEN_PX", SEEN_PX)
+    monkeypatch.setattr("limen.cli.show_files.open_device", lambda: nullcontext(device))
+    monkeypatch.setattr("limen.cli.onlookers._SEEN_PX", SEEN_PX)
     count = 0
 
     def shown(*words: object) -> list[dict[str, Any]]:
@@ -99,10 +99,11 @@ def test_frames_are_told_and_an_animation_moves(knot: Path, show: Show, how: str
     frames = show(knot, "--display", "cube", "--scale", 0.1, "--frames", 2, "--animate", how)
     assert [frame["time_s"] for frame in frames] == [0.0, 0.25]
     for frame in frames:
-        assert {"policy", "pages", "splats", "max_error_px", "stream_ms"} <= set(frame)
-        assert frame["panels_active"] == 3
-        assert frame["triangles"] > 1500, "about every triangle is on a panel"
-        assert min(frame["select_ms"], frame["draw_ms"]) > 0
+        (layer,) = frame["layers"]
+        assert {"policy", "items", "chunks", "error_px", "stream_ms"} <= set(layer)
+        assert layer["panels_active"] == 3
+        assert layer["drawn"] > 1500, "about every triangle is on a panel"
+        assert min(layer["select_ms"], layer["draw_ms"]) > 0
         assert len(frame["files"]) == 5
     first, second = (pictures(frame) for frame in frames)
     assert list(first) == ["front-0,0", "right-0,0", "back-0,0", "left-0,0", "top-0,0"]
@@ -257,7 +258,7 @@ def test_a_viewer_in_a_panels_plane_sees_nothing_on_it(knot: Path, show: Show) -
     """The cube's front lies in z = 0.15: it stays dark, and the others show what they should."""
     (frame,) = show(knot, "--display", "cube", "--scale", 0.1, "--viewer", "0.6,1.2,0.15", "--simulate")
     seen = pictures(frame)
-    assert frame["panels_active"] == 1
+    assert frame["layers"][0]["panels_active"] == 1
     assert not lit(seen["front-0,0"]).any()
     assert lit(seen["right-0,0"]).any()
 
@@ -265,7 +266,7 @@ def test_a_viewer_in_a_panels_plane_sees_nothing_on_it(knot: Path, show: Show) -
 @pytest.mark.gpu
 def test_inside_an_object_every_panel_is_dark(knot: Path, show: Show) -> None:
     (frame,) = show(knot, "--display", "cube", "--scale", 0.1, "--viewer", "0,1.2,0")
-    assert frame["panels_active"] == frame["triangles"] == 0
+    assert frame["layers"][0]["panels_active"] == frame["layers"][0]["drawn"] == 0
     assert not any(lit(picture).any() for picture in pictures(frame).values())
 
 
@@ -283,7 +284,7 @@ def test_the_first_of_several_viewers_is_drawn_for_and_a_lost_one_stays(
     knot: Path, tmp_path: Path, device: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Ann's tracker is lost after a second: she is taken to stand where she was, and no frame is missing."""
-    monkeypatch.setattr("limen.cli.show_mesh.open_device", lambda: nullcontext(device))
+    monkeypatch.setattr("limen.cli.show_files.open_device", lambda: nullcontext(device))
     (tmp_path / "two.csv").write_text(SESSION)
     words = ("show", knot, "--display", "rostock", "--panels", "wall/2,*", "--scale", 0.05, "--frames", 3)
     assert run(*words, "--session", tmp_path / "two.csv", "--out", tmp_path / "two", "--json") == 0
@@ -317,7 +318,7 @@ def test_a_display_too_fine_to_be_simulated_is_simulated_coarser(
 ) -> None:
     words = (knot, "--display", "rostock", "--scale", 0.1, "--simulate", "--animate", "turn", "--frames", 2)
     fine = pictures(show(*words)[1])
-    monkeypatch.setattr("limen.cli.show_mesh._LIT_PX", 200_000)
+    monkeypatch.setattr("limen.cli.onlookers._LIT_PX", 200_000)
     coarse = pictures(show(*words)[1])
     assert set(coarse) == set(fine)
     np.testing.assert_array_equal(coarse["wall-2,1"], fine["wall-2,1"])
@@ -357,7 +358,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("limen.cli.show_mesh.open_device", lambda: nullcontext(device))
+    monkeypatch.setattr("limen.cli.show_files.open_device", lambda: nullcontext(device))
     shutil.copy(knot, "knot.ply")
     Path("nan.ply").write_text(NAN)
     write_ply(Path("point.ply"), [(1, 2, 3)] * 3, [(0, 1, 2)])
@@ -400,8 +401,8 @@ def test_a_window_opens_and_closes(knot: Path) -> None:
     done = finished(window, timeout_s=120)
     assert done.returncode == 0, done.stderr
     (frame,) = json.loads(done.stdout)["frames"]
-    assert frame["panels_active"] == 3
-    assert frame["triangles"] > 1500
+    assert frame["layers"][0]["panels_active"] == 3
+    assert frame["layers"][0]["drawn"] > 1500
 
 
 @pytest.mark.parametrize(

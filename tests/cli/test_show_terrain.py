@@ -50,13 +50,15 @@ def test_show_writes_panels_and_what_is_seen_of_the_lit_wall(
     first, second = frames["frames"]
     assert second["time_s"] > first["time_s"]
     for frame in (first, second):
-        assert 0 < frame["panels_active"] <= 24
-        assert frame["missing"] == 0
-        assert frame["triangles"] > 0
-        assert frame["patches"] > 0
-        assert frame["pages"] > 0
-        assert frame["max_error_px"] <= frame["max_allowed_px"]
-        assert frame["min_allowed_px"] <= frame["max_allowed_px"]
+        (layer,) = frame["layers"]
+        assert 0 < layer["panels_active"] <= 24
+        assert layer["missing"] == 0
+        assert layer["drawn"] > 0
+        assert layer["items"] > 0
+        assert layer["chunks"] > 0
+        smallest, largest = layer["allowed_px"]
+        assert layer["error_px"] <= largest
+        assert smallest <= largest
         names = {Path(file).name for file in frame["files"]}
         assert {"eye.png", "elsewhere.png", "afar.png", "wall-0,0.png", "wall-5,3.png"} <= names
     afar = next(file for file in first["files"] if file.endswith("afar.png"))
@@ -126,8 +128,9 @@ def test_a_budget_of_triangles_is_kept_and_costs_error(
 ) -> None:
     words = ("show", land, "--out", tmp_path, "--scale", "0.2", "--policy", "full")
     (free,), (tight,) = (result(capsys, *words, *more)["frames"] for more in ((), ("--max-triangles", 500)))
-    assert tight["triangles"] < 1000 < free["triangles"]  # fans along borders come on top of the budget
-    assert tight["max_error_px"] > free["max_error_px"]
+    few, many = (frame["layers"][0] for frame in (tight, free))
+    assert few["drawn"] < 1000 < many["drawn"]  # fans along borders come on top of the budget
+    assert few["error_px"] > many["error_px"]
     counted = result(capsys, "traffic", land, "--display", "rostock", "--session", "A", "--rate-hz", "0.05",
                      "--policy", "acuity", "--max-triangles", "5000")  # fmt: skip
     assert counted["sessions"][0]["rows"][0]["triangles_p99"] <= 5000
@@ -140,7 +143,7 @@ def test_a_budget_of_triangles_is_kept_and_costs_error(
             ("show", "LAND", "--overlay", "levels"),
             "--overlay levels is not for a terrain: give --overlay panels or patches",
         ),
-        (("show", "LAND", "--stereo", "anaglyph"), "leave out --stereo, which is for meshes"),
+        (("show", "LAND", "--stereo", "polarised"), "stereo"),
         (("show", "LAND", "--target", "2,0"), "target must be two numbers from 0 to 1"),
         (("show", "LAND", "--target", "here"), "--target takes two numbers"),
         (("show", "LAND", "--pitch-deg", "95"), "pitch_deg must be from 0"),

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.drawing import Easel
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
+from limen.display.quilt import Quilt, pack, pieces
 from limen.errors import PageError
+from limen.gpu.targets import QUILT_FORMAT
+from limen.layers.image.cut import PageCut
+from limen.layers.image.draw.drawer import EXACT_FORMAT, ImageDrawer
+from limen.layers.image.layer import ImageLayer, ImagePart, placed_pages
+from limen.layers.image.select import ImageOnDisplay, select, view_of
+from limen.stream.chunks import completed
+from limen.stream.pages import KeptTable, page_streaming
+from limen.viewing.projection import QuiltPanels, QuiltView
+from limen.viewing.tolerance import Tolerance
 
 _TAPS = np.sinc((np.arange(-4, 4) + 0.5) / 2) * np.sinc((np.arange(-4, 4) + 0.5) / 4)
 _TAPS /= _TAPS.sum()
+_POOL_BYTES = 4096 * 4096 * 4
+"""225 pages."""
 
 
 def linear(srgb: NDArray[Any]) -> NDArray[np.float64]:
@@ -39,6 +53,8 @@ def _halved(light: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
 class MemoryImage:
     """A page source that holds its whole pyramid; ``broken`` pages raise `PageError`."""
 
+    path = Path("memory")
+
     def __init__(self, pixels: NDArray[np.uint8], broken: tuple[int, ...] = ()) -> None:
         self.pyramid = Pyramid.of((pixels.shape[1], pixels.shape[0]))
         self.broken = set(broken)
@@ -47,6 +63,11 @@ class MemoryImage:
         for _ in self.pyramid.levels[1:]:
             light = _halved(_halved(light, 0), 1)
             self.levels.append(srgb(light))
+
+    @property
+    def coarsest(self) -> NDArray[np.int64]:
+        """The page that everything falls back on, alone."""
+        return np.array([self.pyramid.page_count - 1])
 
     def read_page(self, page: int) -> NDArray[np.uint8]:
         if page in self.broken:
@@ -61,28 +82,58 @@ class MemoryImage:
         return rgba
 
 
+_RIM_PX = 0.01
+"""Pixels whose centres lie on an outline are their panel's."""
+
+
+class Exhibit:
+    """One image with its drawer and its pages, read one after the other: their slots are the same every time."""
+
+    def __init__(self, device: Any, image: MemoryImage, *, sampling: Any = "sharp", matched: bool = False) -> None:
+        self.image = image
+        self.drawer = ImageDrawer(device, ImageLayer(image, sampling=sampling), _POOL_BYTES)  # type: ignore[arg-type]
+        self.stream = page_streaming(image).stream(self.drawer.allocators[0], 1)
+        self.easel = Easel(device, clear=True, matched=matched)
+        self._table = KeptTable(image.pyramid)
+
+    def settle(self, pages: Any) -> None:
+        """Wait until these pages are there or have failed."""
+        for _, update in completed([(self.stream, pages)]):
+            self.drawer.upload(0, update)
+
+    def part(self, view: ImageOnDisplay, cut: PageCut, tolerance: Tolerance, eye_m: Any = None) -> ImagePart:
+        """What of a cut is drawn by the pages that are there."""
+        pages, drawn = placed_pages(view, cut, self.stream.resident, self._table)
+        self.stream.touch(drawn)
+        return ImagePart(view, cut, tolerance, eye_m, pages)
+
+    def draw(self, quilt: Quilt, part: ImagePart, overlay: str = "") -> NDArray[np.uint8]:
+        """A quilt's pixels; alpha is 0 where nothing is drawn."""
+        eyes = [] if part.eye_m is None else [part.eye_m]
+        seen = QuiltView.of(QuiltPanels(part.view.display, quilt, guard_px=_RIM_PX), eyes)
+        form = EXACT_FORMAT if overlay == "exact" else QUILT_FORMAT
+        return self.easel.picture(self.drawer, seen, part, overlay, form=form)
+
+    def close(self) -> None:
+        self.stream.close()
+        self.easel.destroy()
+        self.drawer.destroy()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
 class Studio:
     """Draws images in memory with everything between a placement and a picture, waiting for all pages."""
 
     def __init__(self, device: Any) -> None:
-        from limen.gpu.pool import PagePool
-
         self.device = device
-        self.pool = PagePool(device, 64 * 8 * 264 * 264 * 4)
 
-    def destroy(self) -> None:
-        self.pool.destroy()
-
-    def stream(self, image: MemoryImage) -> Any:
-        from limen.stream.pages import PageStream
-
-        return PageStream(image, self.pool.slots)
-
-    def settle(self, stream: Any, cut: Any) -> None:
-        from limen.stream.chunks import completed
-
-        for _, update in completed([(stream, cut.pages)]):
-            self.pool.write(update.arrived)
+    def exhibit(self, image: MemoryImage, *, sampling: Any = "sharp", matched: bool = False) -> Exhibit:
+        return Exhibit(self.device, image, sampling=sampling, matched=matched)
 
     def draw(
         self,
@@ -92,35 +143,22 @@ class Studio:
         tolerance: Any,
         *,
         sampling: Any = "sharp",
-        overlay: Any = None,
+        overlay: str = "",
         eye_m: Any = None,
         settle: bool = True,
         budget: int | None = None,
         detail: Any = None,
     ) -> dict[str, NDArray[np.uint8]]:
         """The picture of every panel by its name."""
-        from limen.display.quilt import pack, pieces
-        from limen.layers.image.draw.drawer import ImageLayer, drawable_of
-        from limen.layers.image.select import select, view_of
-
         view = view_of(display, image.pyramid, placement, detail)
         cut = select(view, tolerance, eye_m=eye_m, budget=budget)
-        layer = ImageLayer(self.device, view, self.pool, sampling=sampling)
         pictures = {}
-        with self.stream(image) as stream:
-            pinned = np.array([image.pyramid.page_count - 1])
-            self.settle(stream, cut) if settle else self.settle(stream, _Only(pinned))
-            drawable = drawable_of(stream, view, cut)
+        with self.exhibit(image, sampling=sampling) as shown:
+            shown.settle(cut.pages if settle else image.coarsest)
+            part = shown.part(view, cut, tolerance, eye_m)
             for quilt in pack(display):
-                texture = layer.draw(cut, drawable, tolerance, quilt, overlay=overlay, eye_m=eye_m)
-                pictures.update(pieces(display, quilt, layer.read(texture)))
-        layer.destroy()
+                pictures.update(pieces(display, quilt, shown.draw(quilt, part, overlay)))
         return pictures
-
-
-class _Only:
-    def __init__(self, pages: NDArray[np.int64]) -> None:
-        self.pages = pages
 
 
 @pytest.fixture(scope="session")
@@ -129,7 +167,5 @@ def memory_image() -> Callable[..., MemoryImage]:
 
 
 @pytest.fixture(scope="session")
-def studio(device: Any) -> Iterator[Studio]:
-    made = Studio(device)
-    yield made
-    made.destroy()
+def studio(device: Any) -> Studio:
+    return Studio(device)

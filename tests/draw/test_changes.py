@@ -14,7 +14,6 @@ from limen.display.quilt import pack
 from limen.layers.common.page_detail import KEPT
 from limen.layers.image import select as selector
 from limen.layers.image.draw import uniforms as records
-from limen.layers.image.draw.drawer import ImageLayer, drawable_of
 from limen.layers.image.select import select, view_of
 from limen.viewing.placement import OnShape, OnSurface
 from limen.viewing.policy import Policy
@@ -42,16 +41,14 @@ def _pictures(studio: Any, image: Any, distances_m: Any) -> Any:
                   (_PITCH_M, _PITCH_M))  # fmt: skip
     display = Display("small", (panel,))
     view = view_of(display, image.pyramid, OnSurface("one-to-one"))
-    layer, quilt = ImageLayer(studio.device, view, studio.pool), pack(display)[0]
+    quilt = pack(display)[0]
     frames = []
-    with studio.stream(image) as stream:
+    with studio.exhibit(image) as shown:
         for distance_m in distances_m:
             tolerance = tolerance_of([Viewer((0.0, 0.0, distance_m), eye_separation_m=0.0)], Policy())
             cut = select(view, tolerance)
-            studio.settle(stream, cut)
-            drawn = layer.draw(cut, drawable_of(stream, view, cut), tolerance, quilt)
-            frames.append(layer.read(drawn)[..., :3].copy())
-    layer.destroy()
+            shown.settle(cut.pages)
+            frames.append(shown.draw(quilt, shown.part(view, cut, tolerance))[..., :3])
     return np.array(frames)
 
 
@@ -122,26 +119,22 @@ def test_a_page_that_fades_in_is_mixed_with_the_one_it_replaces(shape: str, stud
     view = view_of(display, image.pyramid, placement)
     nobody = tolerance_of([], Policy("full"))
     cut, quilt = select(view, nobody, eye_m=eye_m), pack(display)[0]
-    layer = ImageLayer(studio.device, view, studio.pool)
     pictures = {}
-    with studio.stream(image) as stream:
+    with studio.exhibit(image) as exhibit:
+        stream = exhibit.stream
 
         def shown(now_s: float) -> Any:
-            studio.pool.write(stream.update(cut.pages, now_s=now_s).arrived)
-            drawable = drawable_of(stream, view, cut)
-            assert flat == (drawable.table is None)
-            return layer.read(layer.draw(cut, drawable, nobody, quilt, eye_m=eye_m))[..., :3].copy()
+            update = stream.update(cut.pages, now_s=now_s)
+            exhibit.drawer.upload(0, update)
+            part = exhibit.part(view, cut, nobody, eye_m)
+            assert flat == (part.pages.table is None)
+            return exhibit.draw(quilt, part)[..., :3], update.statistics.missing
 
-        pinned = np.array([image.pyramid.page_count - 1])
-        while not stream.update(pinned).statistics.resident:
-            studio.pool.write(stream.update(pinned).arrived)
-            stream.wait()
-        while not stream.settled or stream.update(cut.pages, now_s=5.0).statistics.missing:
-            shown(5.0)
+        exhibit.settle(image.coarsest)
+        while shown(5.0)[1] or not stream.settled:
             stream.wait()
         for name, now_s in (("before", 5.0), ("halfway", 5.1), ("after", 5.3)):
-            pictures[name] = shown(now_s)
-    layer.destroy()
+            pictures[name], _ = shown(now_s)
     light = {name: linear(picture) for name, picture in pictures.items()}
     assert np.abs(light["after"] - light["before"]).mean() > 0.02
     np.testing.assert_allclose(light["halfway"], (light["before"] + light["after"]) / 2, atol=0.02)

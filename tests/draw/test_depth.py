@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from test_sort import DISPLAYS
+from tests.drawing import drawn_mesh, looking_at_panels, mesh_view
 
 from limen.data import NO_TEXTURE, Mesh
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
-from limen.viewing.projection import NEAR_M, QuiltPanels
+from limen.layers.mesh.layer import MeshLayer
+from limen.viewing.projection import NEAR_M, QuiltView
 
 pytestmark = pytest.mark.gpu
 
@@ -36,17 +38,11 @@ def mesh_of(positions: NDArray[Any], colours: NDArray[Any]) -> Mesh:
 
 
 def drawn(device: Any, display: Display, mesh: Mesh, depth: Any, eye: Any = EYE) -> Any:
-    """(picture, depth, windows)"""
-    from limen.layers.mesh.draw.drawer import SceneLayer
-
+    """(picture, depth, view)"""
     (quilt,) = pack_outlines(display)
-    windows = QuiltPanels(display, quilt)
-    layer = SceneLayer(device, mesh)
-    layer.sort(windows, np.asarray(eye)[None], np.eye(4))
-    picture = layer.read(layer.draw(windows, depth=depth))
-    depths = layer.read_depth(windows).astype(float)
-    layer.destroy()
-    return picture.astype(int), depths, windows
+    view = mesh_view(display, quilt, mesh, eye)
+    picture, depths = drawn_mesh(device, MeshLayer(mesh, depth=depth), view)
+    return picture.astype(int), depths, view
 
 
 @pytest.mark.parametrize("depth", WRONG)
@@ -85,27 +81,24 @@ def test_shared_depth_goes_on_across_every_border(device: Any) -> None:
     colour = np.array([[200, 200, 200]])
     steps = {}
     for depth in ("panel", "shared"):
-        _, depths, windows = drawn(device, DISPLAY, mesh_of(wall, colour), depth)
-        views = windows.seen_from(EYE)
-        forward = windows.middle_m - EYE
-        forward = forward / np.linalg.norm(forward)
-        errors = [
-            _rim_errors(depths, windows, views, panel, wall[0], forward) for panel in np.flatnonzero(views.facing)
-        ]
+        _, depths, view = drawn(device, DISPLAY, mesh_of(wall, colour), depth)
+        forward = looking_at_panels(view.panels, EYE)
+        errors = [_rim_errors(depths, view, panel, wall[0], forward) for panel in np.flatnonzero(view.facing)]
         assert min(len(each) for each in errors) > 30, "every panel has a border"
         steps[depth] = 2 * np.abs(np.concatenate(errors)).max()
     assert steps["shared"] < 1e-4
     assert steps["panel"] > 0.1, "the depth along each panel's normal is another one"
 
 
-def _rim_errors(depths: Any, windows: QuiltPanels, views: Any, panel: int, wall: Any, forward: Any) -> NDArray[Any]:
+def _rim_errors(depths: Any, view: QuiltView, panel: int, wall: Any, forward: Any) -> NDArray[Any]:
     """Relative errors of the depth at pixels within 2 px of a panel's outline, on either side of it."""
+    (views,) = view.eyes
     height, width = depths.shape
     y, x = np.indices(depths.shape) + 0.5
     clip = np.stack([2 * x / width - 1, 1 - 2 * y / height, np.ones_like(x)], axis=-1).reshape(-1, 3)
     ways = clip @ np.linalg.inv(views.clip[panel]).T
     edges = views.edges[panel, : views.corner_count[panel]]
-    inside = (ways @ edges.T).min(axis=1) / (ways @ views.clip[panel, 2]) - windows.guard_px
+    inside = (ways @ edges.T).min(axis=1) / (ways @ views.clip[panel, 2]) - view.panels.guard_px
     at = np.flatnonzero((np.abs(inside) < 1.4) & (depths.reshape(-1) > 0))
     normal = np.cross(wall[1] - wall[0], wall[2] - wall[0])
     reach = normal @ (wall[0] - EYE) / (ways[at] @ normal)

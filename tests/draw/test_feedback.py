@@ -14,7 +14,7 @@ from limen.layers.common.page_detail import reduced_detail
 from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.select import select, view_of
 from limen.viewing.lens import Lens
-from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.placement import OnShape, OnSurface, Placement
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
@@ -28,7 +28,7 @@ LENSES = (
     Lens((21_500.0, 10_500.0), (2500.0, 1800.0), 3.0, 0.2, "gaussian", "rectangular"),
     Lens((27_000.0, 12_000.0), 900.0, 5.0, heights=np.outer(np.hanning(9), np.hanning(12))),
 )
-PLACEMENTS = {
+PLACEMENTS: dict[str, Placement] = {
     "cover": OnSurface("cover", zoom=1.3),
     "zoomed out": OnSurface("contain", zoom=0.37),
     "one-to-one": OnSurface("one-to-one"),

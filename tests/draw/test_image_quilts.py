@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image as Picture
+from tests.frames import FULL, frame_of, row_of
 
 import limen
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.quilt import Quilt
 from limen.errors import DeviceLimitError
-from limen.layers.image.renderer import Renderer
+from limen.frame.renderer import Renderer
+from limen.layers.image.layer import ImageLayer
 from limen.viewing.lens import Lens
-from limen.viewing.placement import OnShape, OnSurface
-from limen.viewing.policy import Policy
+from limen.viewing.placement import OnShape, OnSurface, Placement
 from limen.viewing.projection import GUARD_PX
 from limen.viewing.tessellation import Tessellation
 from limen.viewing.viewer import Viewer
@@ -29,9 +30,8 @@ pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 EXAMPLE = Path(__file__).parents[2] / "examples/portrait_wall.toml"
 WALL = Display.load(EXAMPLE)
 VIEWER = Viewer((0.2, 1.5, 0.3))
-FULL = Policy("full")
 LENSES = (Lens((300.0, 260.0), 160.0, 3.0), Lens((700.0, 500.0), 150.0, 2.5))
-PLACEMENTS = {
+PLACEMENTS: dict[str, Placement] = {
     "surface": OnSurface("cover"),
     "lenses": OnSurface("cover", lenses=LENSES),
     "lenses in triangles": OnSurface("cover", lenses=LENSES, tessellation=Tessellation("uniform")),
@@ -53,9 +53,9 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def drawn(device: Any, world: Path, display: Display, placement: Any, *, quilts: bool = False) -> dict[str, Rgb]:
-    with limen.open(world) as image, Renderer(device, display, image, placement) as renderer:  # type: ignore[union-attr]
-        pictures = renderer.quilt_pictures if quilts else renderer.pictures
-        return {name: picture[..., :3].copy() for name, picture, _ in pictures([VIEWER], FULL)}
+    with limen.open(world) as image, Renderer(device, display, [ImageLayer(image, placement, FULL)]) as renderer:  # type: ignore[union-attr]
+        pictures = renderer.pictures(frame_of(renderer, VIEWER), by="quilts" if quilts else "panels")
+        return {name: picture[..., :3].copy() for name, picture, _ in pictures}
 
 
 @pytest.mark.parametrize("name", PLACEMENTS)
@@ -129,7 +129,7 @@ def test_a_part_of_a_wall_is_drawn_and_panels_match_in_its_quilts(device: Any, w
 
 def test_a_quilt_that_the_adapter_cannot_hold_is_named(device: Any, world: Path) -> None:
     with limen.open(world) as image, pytest.raises(DeviceLimitError, match=r"quilt '1'.* several quilts"):  # type: ignore[union-attr]
-        Renderer(replace(device, max_texture_px=1024), WALL, image)
+        Renderer(replace(device, max_texture_px=1024), WALL, [ImageLayer(image)])
 
 
 def test_through_lenses_panels_end_at_their_outlines(device: Any, world: Path) -> None:
@@ -144,6 +144,6 @@ def test_through_lenses_panels_end_at_their_outlines(device: Any, world: Path) -
 
 def test_every_quilt_tells_its_own_panels(device: Any, world: Path) -> None:
     for placement in PLACEMENTS.values():
-        with limen.open(world) as image, Renderer(device, WALL, image, placement) as renderer:  # type: ignore[union-attr]
-            reports = [report for *_, report in renderer.quilt_pictures([VIEWER], FULL)]
-        assert [report.panels_active for report in reports] == [3, 3]
+        with limen.open(world) as image, Renderer(device, WALL, [ImageLayer(image, placement, FULL)]) as renderer:  # type: ignore[union-attr]
+            reports = [report for *_, report in renderer.pictures(frame_of(renderer, VIEWER), by="quilts")]
+        assert [row_of(report).panels_active for report in reports] == [3, 3]

@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.draw.test_lenses import LENSES, picture, wall, waves
+from tests.frames import frame_of
 
 from limen.data.pages import Pyramid
+from limen.frame.renderer import Renderer
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.image.draw import lens_mesh
-from limen.layers.image.lens_cells import NOBODY
-from limen.layers.image.renderer import Renderer
-from limen.layers.image.select import view_of
-from limen.study.bench_lens import measured
+from limen.layers.image.layer import ImageLayer
+from limen.layers.image.lens_cells import NOBODY, LensCells
+from limen.layers.image.select import ImageOnDisplay, view_of
+from limen.study.bench_lens import DrawnLenses, drawn_lenses, measured
 from limen.study.blank_source import Blank
 from limen.viewing.lens import Lens, sharpest_bend, source_of
 from limen.viewing.placement import OnSurface
@@ -42,21 +44,29 @@ CHAINS = {
 
 @pytest.fixture(scope="module")
 def renderer(device: Any) -> Iterator[Renderer]:
-    with Renderer(device, wall(), Blank(Pyramid.of(_SIZE_PX)), OnSurface("one-to-one"), gpu_bytes=1 << 26) as made:
+    with blank_wall(device) as made:
         yield made
 
 
-def drawn(renderer: Renderer, name: str, tessellation: Tessellation, viewers: tuple[Viewer, ...] = ()) -> Any:
-    renderer.place(OnSurface("one-to-one", zoom=0.7, lenses=CHAINS[name], tessellation=tessellation))
-    for _ in renderer.pictures(viewers, Policy("acuity", 1.0) if viewers else _FULL):
-        pass
-    return renderer.lens_triangles()
+def blank_wall(device: Any) -> Renderer:
+    return Renderer(device, wall(), [ImageLayer(Blank(Pyramid.of(_SIZE_PX)))], gpu_bytes=1 << 26)  # type: ignore[arg-type]
 
 
-def check_tiling(renderer: Renderer, triangles: Any) -> None:
+def drawn(renderer: Renderer, name: str, tessellation: Tessellation, viewers: tuple[Viewer, ...] = ()) -> DrawnLenses:
+    placement = OnSurface("one-to-one", zoom=0.7, lenses=CHAINS[name], tessellation=tessellation)
+    policy = Policy("acuity", 1.0) if viewers else _FULL
+    return drawn_lenses(renderer, frame_of(renderer, *viewers, placement=placement, policy=policy))
+
+
+def cells_of(seen: DrawnLenses) -> LensCells:
+    """What lenses reach of the wall."""
+    assert seen.view.cells is not None
+    return seen.view.cells
+
+
+def check_tiling(seen: DrawnLenses) -> None:
     """All cells are covered once, and no corner lies on another triangle's side."""
-    cells = renderer.view.cells
-    assert cells is not None
+    cells, triangles = cells_of(seen), seen.triangles
     size = cells.rect_px[:, 2:] - cells.rect_px[:, :2]
     area = np.abs(np.linalg.det(np.diff(triangles.pixel, axis=1))) / 2
     assert area.min() > 0
@@ -75,18 +85,17 @@ def check_tiling(renderer: Renderer, triangles: Any) -> None:
 @pytest.mark.parametrize("mode", LENS_MODES[1:])
 def test_triangles_tile_what_lenses_reach_without_cracks(mode: Any, renderer: Renderer) -> None:
     for name in ("overlapping", "tiny"):
-        triangles = drawn(renderer, name, Tessellation(mode, segments=5, error_px=2.0))
-        check_tiling(renderer, triangles)
+        seen = drawn(renderer, name, Tessellation(mode, segments=5, error_px=2.0))
+        check_tiling(seen)
         if mode == "uniform":
-            assert len(triangles.panel) == 2 * 5**2 * len(renderer.view.cells.panel)
+            assert len(seen.triangles.panel) == 2 * 5**2 * len(cells_of(seen).panel)
         if mode == "coarse":
-            assert len(triangles.panel) == 2 * len(renderer.view.cells.panel)
+            assert len(seen.triangles.panel) == 2 * len(cells_of(seen).panel)
 
 
 @pytest.mark.parametrize("name", CHAINS)
 def test_nothing_is_drawn_farther_from_where_it_belongs_than_it_may(name: str, renderer: Renderer) -> None:
-    drawn(renderer, name, Tessellation("error"))
-    found = measured(renderer, 4000)
+    found = measured(drawn(renderer, name, Tessellation("error")), 4000)
     assert 0.1 < found.max_error_px <= 0.5, "and no more triangles than it takes"
     assert found.least_turn > 0, "nothing is folded over"
 
@@ -95,23 +104,23 @@ def test_farther_viewers_get_fewer_triangles_whose_errors_they_do_not_see(render
     counts = []
     for distance_m in (0.5, 2.0, 6.0):
         viewers = (Viewer((*_MIDDLE, distance_m)),)
-        counts.append(len(drawn(renderer, "strong", Tessellation("error"), viewers).panel))
-        view, tolerance = renderer.view, tolerance_of(viewers, Policy("acuity", 1.0))
+        seen = drawn(renderer, "strong", Tessellation("error"), viewers)
+        counts.append(len(seen.triangles.panel))
+        view, tolerance = seen.view, tolerance_of(viewers, Policy("acuity", 1.0))
         corners = np.array([panel.position_m([(0, 0), panel.size_px]) for panel in view.display.panels])
         most_px = tolerance.allowed_px(corners, view.display.pitch_m).max()
-        assert measured(renderer, 4000).max_error_px <= 0.5 * max(most_px, 1.0)
+        assert measured(seen, 4000).max_error_px <= 0.5 * max(most_px, 1.0)
     assert counts[0] > 1.5 * counts[1] > 2.25 * counts[2]
 
 
 def test_who_sees_nothing_gets_two_triangles_a_cell(renderer: Renderer) -> None:
-    triangles = drawn(renderer, "one", Tessellation("error", error_px=1e4))
-    check_tiling(renderer, triangles)
-    assert len(triangles.panel) == 2 * len(renderer.view.cells.panel)
+    seen = drawn(renderer, "one", Tessellation("error", error_px=1e4))
+    check_tiling(seen)
+    assert len(seen.triangles.panel) == 2 * len(cells_of(seen).panel)
 
 
-def plain_factors(renderer: Renderer, tessellation: Tessellation) -> Any:
+def plain_factors(view: ImageOnDisplay, tessellation: Tessellation) -> Any:
     """The paper's factor for every cell and side, for nobody: shape (N, 4)."""
-    view = renderer.view
     assert view.maps is not None
     assert view.cells is not None
     factors = np.zeros((len(view.cells.panel), 4))
@@ -135,9 +144,8 @@ def plain_factors(renderer: Renderer, tessellation: Tessellation) -> Any:
 
 def test_the_papers_factor_is_what_the_paper_says(renderer: Renderer) -> None:
     tessellation = Tessellation("acuity")
-    triangles = drawn(renderer, "overlapping", tessellation)
-    factors, cells = plain_factors(renderer, tessellation), renderer.view.cells
-    assert cells is not None
+    seen = drawn(renderer, "overlapping", tessellation)
+    factors, cells, triangles = plain_factors(seen.view, tessellation), cells_of(seen), seen.triangles
     assert factors.max() > 8
     corners = np.unique(np.column_stack([np.repeat(triangles.panel, 3), triangles.pixel.reshape(-1, 2)]), axis=0)
     for panel, rect, wanted in zip(cells.panel, cells.rect_px, factors, strict=True):
@@ -154,12 +162,11 @@ def test_the_papers_factor_is_what_the_paper_says(renderer: Renderer) -> None:
 @pytest.mark.parametrize("tessellation", [Tessellation("uniform", segments=64), Tessellation("error", error_px=0.02)])
 def test_what_does_not_fit_is_cut_less(tessellation: Tessellation, device: Any) -> None:
     small = replace(device, max_binding_bytes=1 << 19)
-    with Renderer(small, wall(), Blank(Pyramid.of(_SIZE_PX)), OnSurface("one-to-one"), gpu_bytes=1 << 26) as renderer:
-        triangles = drawn(renderer, "strong", tessellation)
-        cells = renderer.view.cells
-        assert cells is not None
-        assert 2 * len(cells.panel) < len(triangles.panel) <= (1 << 19) // (3 * lens_mesh.CORNER.itemsize)
-        check_tiling(renderer, triangles)
+    with blank_wall(small) as renderer:
+        found = drawn(renderer, "strong", tessellation)
+        count = len(found.triangles.panel)
+        assert 2 * len(cells_of(found).panel) < count <= (1 << 19) // (3 * lens_mesh.CORNER.itemsize)
+        check_tiling(found)
 
 
 def test_no_background_is_seen_between_triangles(studio: Any, memory_image: Any) -> None:

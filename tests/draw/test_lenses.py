@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.frames import frame_of
 
 from limen.data.pages import Pyramid
 from limen.display.display import Display
 from limen.display.panel import Panel
-from limen.layers.image.renderer import Renderer
+from limen.frame.renderer import Renderer
+from limen.layers.image.layer import ImageLayer
 from limen.layers.image.select import view_of
 from limen.viewing.lens import Lens, source_of
 from limen.viewing.placement import OnSurface
@@ -82,20 +84,18 @@ def test_every_pixel_shows_what_is_seen_there(name: str, zoom: float, studio: An
 
 def test_lenses_come_and_go_while_pages_stay(device: Any, memory_image: Any) -> None:
     display, image = wall(), memory_image(picture())
-    viewers, policy = [Viewer((0.1, 0.9, 0.7))], Policy("acuity")
+    layer = ImageLayer(image, OnSurface("contain"), Policy("acuity"))
 
-    def shown(renderer: Renderer) -> np.ndarray:
-        return np.stack([picture[..., :3].copy() for _, picture, _ in renderer.pictures(viewers, policy)])
+    def shown(renderer: Renderer, *lenses: Lens) -> np.ndarray:
+        frame = frame_of(renderer, Viewer((0.1, 0.9, 0.7)), placement=OnSurface("contain", lenses=lenses))
+        return np.stack([picture[..., :3].copy() for _, picture, _ in renderer.pictures(frame)])
 
-    with Renderer(device, display, image, OnSurface("contain"), gpu_bytes=1 << 26) as renderer:
+    with Renderer(device, display, [layer], gpu_bytes=1 << 26) as renderer:
         before = shown(renderer)
-        renderer.place(OnSurface("contain", lenses=LENSES["one"]))
-        through = shown(renderer)
+        through = shown(renderer, *LENSES["one"])
         assert (np.abs(through.astype(int) - before).max(axis=-1) > 10).mean() > 0.01
-        renderer.place(OnSurface("contain", lenses=(Lens((900.0, 640.0), 280.0, 1.0),)))
-        plain = shown(renderer)
+        plain = shown(renderer, Lens((900.0, 640.0), 280.0, 1.0))
         assert np.abs(plain.astype(int) - before).max() <= 2, (
             "plain glass: levels are mixed in one step, not painted over"
         )
-        renderer.place(OnSurface("contain"))
         np.testing.assert_array_equal(shown(renderer), before)

@@ -15,9 +15,9 @@ from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt, pack
 from limen.errors import DeviceLimitError
+from limen.frame.simulator_uniforms import BACK, BEZEL, LIT_FRAME, LIT_PANEL, UNLIT
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.layers.common.simulator_uniforms import BACK, BEZEL, LIT_FRAME, LIT_PANEL, UNLIT
 from limen.viewing.camera import Camera
 
 Texels = NDArray[np.uint8]
@@ -140,7 +140,7 @@ def draw(device: Any) -> Iterator[Draw]:
     """Draws a display that shows its pictures; frees everything afterwards."""
     import wgpu
 
-    from limen.layers.common.simulator import DisplaySimulator
+    from limen.frame.simulator import DisplaySimulator
 
     made: list[Any] = []
 
@@ -220,7 +220,7 @@ def agree(found: Texels, expected: Floats, *, off: float = 2.0, share: float = 0
 
 @pytest.mark.parametrize(("name", "dtype"), [("Frame", LIT_FRAME), ("Panel", LIT_PANEL)])
 def test_the_shader_has_the_dtypes_struct(name: str, dtype: Any) -> None:
-    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.layers.common", "lit.wgsl"), flags=re.MULTILINE)
+    text = re.sub(r"^\s*//.*\n", "", shader_text("limen.frame", "simulator.wgsl"), flags=re.MULTILINE)
     assert wgsl_struct(name, dtype) in text
 
 
@@ -424,7 +424,7 @@ def sampled(picture: Texels, place: Floats) -> Floats:
 
 @pytest.mark.gpu
 def test_what_cannot_be_drawn_is_said(device: Any, draw: Draw) -> None:
-    from limen.layers.common.simulator import DisplaySimulator
+    from limen.frame.simulator import DisplaySimulator
 
     display = cube()
     with pytest.raises(ValueError, match="at least one quilt"):
@@ -445,7 +445,7 @@ def test_cameras_of_several_sizes_take_turns(device: Any) -> None:
     """Nothing is left of the last picture, and nothing on the adapter afterwards."""
     import wgpu
 
-    from limen.layers.common.simulator import DisplaySimulator
+    from limen.frame.simulator import DisplaySimulator
 
     display = cube()
     quilts = pack(display)

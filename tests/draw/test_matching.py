@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -11,26 +10,30 @@ import numpy as np
 import pytest
 from lands import GridLand
 from numpy.typing import NDArray
+from test_points import drawer_of, leaves_of, part_of
 from test_scene import plain, square
 from test_terrain import Stage, codes_of, hills, leaves
 from tests.clouds import ball
 
-from limen.data.points.nodes import CHUNK_NODES, LEVEL_BEGIN
+from drawing import NOWHERE, Easel, eyes_view, mesh_view
 from limen.data.store.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
-from limen.display.quilt import Quilt, pieces
+from limen.display.quilt import Quilt, pack, pieces
+from limen.frame.matching import MATCHED, least_cosine, matched_rows
+from limen.frame.renderer import Renderer
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
-from limen.layers.common.matching import MATCHED, least_cosine, matched_rows
+from limen.layers.image.select import select, view_of
+from limen.layers.mesh.layer import MeshLayer, MeshPart
 from limen.layers.terrain.look_at import room_from_posts
-from limen.stream.pages import PageStream
 from limen.viewing.camera import Camera
 from limen.viewing.lens import Lens
-from limen.viewing.placement import LookAt, OnShape, OnSurface
+from limen.viewing.placement import InRoom, LookAt, OnShape, OnSurface
 from limen.viewing.policy import Policy
-from limen.viewing.projection import QuiltPanels
+from limen.viewing.projection import QuiltPanels, QuiltView
+from limen.viewing.state import FrameState, LayerState
 from limen.viewing.tessellation import Tessellation
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
@@ -71,20 +74,8 @@ def pair(**fields: Any) -> Display:
 
 
 @pytest.fixture
-def tools(device: Any, studio: Any, memory_image: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Tools]:
-    """Pages stay in their slots from picture to picture: from another one, some pixels are rounded to the next code."""
-    kept: list[PageStream] = []
-
-    @contextmanager
-    def stream(image: Any) -> Iterator[PageStream]:
-        if not kept:
-            kept.append(PageStream(image, studio.pool.slots))
-        yield kept[0]
-
-    monkeypatch.setattr(studio, "stream", stream)
-    yield Tools(device, studio, memory_image)
-    for each in kept:
-        each.close()
+def tools(device: Any, studio: Any, memory_image: Any) -> Tools:
+    return Tools(device, studio, memory_image)
 
 
 UNMATCHED, MATCHED_PAIR = pair(), pair(gain=GAIN, falloff=FALLOFF)
@@ -115,14 +106,23 @@ def image_pixels() -> NDArray[np.uint8]:
     return np.stack([x * 255 // 780, y * 255 // 300, (x + y) % 256], axis=-1).astype(np.uint8)
 
 
-def on_image(placement: Any, *, overlay: Any = None, viewers: bool = True) -> Draw:
+def on_image(placement: Any, *, overlay: str = "", viewers: bool = True) -> Draw:
     def draw(tools: Tools, display: Display) -> Pictures:
         look = [Viewer(tuple(EYE.tolist()))] if viewers else []
         tolerance = tolerance_of(look, Policy("full"))
         eye = tuple(EYE.tolist()) if viewers else None
         image = tools.image(image_pixels())
-        drawn = tools.studio.draw(image, display, placement, tolerance, overlay=overlay, eye_m=eye)
-        return {name: picture.copy() for name, picture in drawn.items()}
+        view = view_of(display, image.pyramid, placement)
+        cut = select(view, tolerance, eye_m=eye)
+        # Read one after the other, pages have the same slots in both pictures.
+        with tools.studio.exhibit(image, matched=True) as exhibit:
+            exhibit.settle(cut.pages)
+            part = exhibit.part(view, cut, tolerance, eye)
+            return {
+                name: picture.copy()
+                for quilt in pack(display)
+                for name, picture in pieces(display, quilt, exhibit.draw(quilt, part, overlay)).items()
+            }
 
     return draw
 
@@ -134,46 +134,41 @@ def pictures_of(display: Display, quilt: Quilt, drawn: NDArray[np.uint8]) -> Pic
 def terrain(tools: Tools, display: Display) -> Pictures:
     """Hills under a coloured sky."""
     land = GridLand(hills(65, 65), (2.0, 2.0), leaf=32)
-    stage = Stage(tools.device, land)
+    stage = Stage(tools.device, land, matched=True)
     room = room_from_posts(land, display, tuple(EYE.tolist()), LookAt(pitch_deg=15, range_m=90.0))
     stage.load(leaves(land))
     drawn = stage.draw(display, room, leaves(land), eyes=EYE)
     stage.close()
-    return pictures_of(display, stage.windows.quilt, drawn)
+    return pictures_of(display, stage.view.quilt, drawn)
 
 
 def mesh(tools: Tools, display: Display) -> Pictures:
     """A small square before a coloured background."""
-    from limen.layers.mesh.draw.drawer import SceneLayer
-
     (quilt,) = pack_outlines(display)
-    windows = QuiltPanels(display, quilt)
-    layer = SceneLayer(tools.device, square(-0.4, 0.25), background=BACKGROUND)
-    layer.sort(windows, EYE[None], np.eye(4))
-    drawn = layer.read(layer.draw(windows)).copy()
-    layer.destroy()
-    return pictures_of(display, quilt, drawn)
+    shown = square(-0.4, 0.25)
+    return pictures_of(display, quilt, mesh_picture(tools.device, shown, mesh_view(display, quilt, shown, EYE)))
+
+
+def mesh_picture(device: Any, shown: Any, view: QuiltView) -> NDArray[np.uint8]:
+    from limen.layers.mesh.draw.drawer import MeshDrawer
+
+    drawer = MeshDrawer(device, MeshLayer(shown))
+    with Easel(device, background=BACKGROUND, matched=True) as easel:
+        picture = easel.picture(drawer, view, MeshPart(NOWHERE)).copy()
+    drawer.destroy()
+    return picture
 
 
 def points(tools: Tools, display: Display) -> Pictures:
     """A ball before a coloured background."""
-    from limen.layers.points.draw.drawer import PointsLayer
-
     (quilt,) = pack_outlines(display)
-    windows = QuiltPanels(display, quilt)
-    layer = PointsLayer(tools.device, np.concatenate(CLOUD.tops), CLOUD.chunks, background=BACKGROUND)
-    frame = CLOUD.frames
-    items = []
-    for chunk in range(CLOUD.chunks):
-        layer.upload(chunk, CLOUD.read_chunk(chunk), frame.origin[chunk], frame.step[chunk], frame.radius[chunk])
-        items.append(chunk * CHUNK_NODES + LEVEL_BEGIN[0] + np.arange(CLOUD.points_of_chunk(chunk)))
-    every = np.concatenate(items).astype(np.uint32)
-    pairs = np.concatenate([np.stack([every, np.full(len(every), n, np.uint32)], axis=1) for n in range(2)])
     stands = np.diag([0.3, 0.3, 0.3, 1.0])
     stands[:3, 3] = (0.1, 0.0, -0.5)
-    drawn = layer.read(layer.draw(windows, EYE, stands, pairs)).copy()
-    layer.destroy()
-    return pictures_of(display, quilt, drawn)
+    view, drawer = eyes_view(display, quilt, EYE), drawer_of(tools.device, CLOUD)
+    with Easel(tools.device, background=BACKGROUND, matched=True) as easel:
+        picture = easel.picture(drawer, view, part_of(view, stands, leaves_of(CLOUD, 2))).copy()
+    drawer.destroy()
+    return pictures_of(display, quilt, picture)
 
 
 LENS = (Lens((390.0, 150.0), 110.0, 3.0),)
@@ -217,19 +212,14 @@ def test_an_image_that_nobody_looks_at_has_its_gain_alone(tools: Tools) -> None:
 
 
 def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> None:
-    from limen.layers.mesh.draw.drawer import SceneLayer
-
     eyes = EYE + np.array([[-0.05, 0.0, 0.0], [0.05, 0.0, 0.0]])
     pictures = {}
     for display in (UNMATCHED, MATCHED_PAIR):
         (quilt,) = pack_outlines(display)
-        windows = QuiltPanels(display, quilt, copies=2)
-        layer = SceneLayer(device, square(-0.4, 2.0), background=BACKGROUND)
-        layer.sort(windows, eyes, np.eye(4))
-        drawn = layer.read(layer.draw(windows))
+        shown = square(-0.4, 2.0)
+        drawn = mesh_picture(device, shown, mesh_view(display, quilt, shown, eyes))
         width = quilt.size_px[0]
         pictures[display] = [pictures_of(display, quilt, drawn[:, k * width :][:, :width]) for k in range(2)]
-        layer.destroy()
     panel = MATCHED_PAIR.panels[1]
     each = [expected_shares(panel, eye, 1.0, 1.0) for eye in eyes]
     at = [(eye - panel.position_m(panel.lit_outline_px)) for eye in eyes]
@@ -242,22 +232,16 @@ def test_both_eyes_side_by_side_are_dimmed_for_their_own_place(device: Any) -> N
 
 def test_a_simulated_display_shows_gain_once_and_falloff_as_the_viewer_gets_it(device: Any) -> None:
     """Seen from where it was drawn for, a white panel is evenly bright: gain times the light at its dimmest corner."""
-    from limen.layers.common.simulator import DisplaySimulator
-    from limen.layers.mesh.draw.drawer import SceneLayer
-
-    (quilt,) = pack_outlines(MATCHED_PAIR)
-    windows = QuiltPanels(MATCHED_PAIR, quilt)
-    white = plain([(-9, -9, -0.5), (9, -9, -0.5), (0, 18, -0.5)], [(0, 1, 2)])
-    layer = SceneLayer(device, white, background=(1.0, 1.0, 1.0))
+    white = MeshLayer(plain([(-9, -9, -0.5), (9, -9, -0.5), (0, 18, -0.5)], [(0, 1, 2)]))
     away = np.eye(4)
     away[0, 3] = 99.0  # only the background is seen
-    layer.sort(windows, EYE[None], away)
-    lit = DisplaySimulator(device, MATCHED_PAIR, [quilt], guard_px=windows.guard_px)
     middle = MATCHED_PAIR.panels[1].outline_m.mean(axis=0)
     camera = Camera(tuple(EYE.tolist()), tuple((middle - EYE).tolist()), (64, 64), 8.0)
-    seen = linear_of_srgb(lit.read(lit.draw([layer.draw(windows)], camera))[..., :3] / 255)
-    layer.destroy()
-    lit.destroy()
+    with Renderer(device, MATCHED_PAIR, [white], background=(1.0, 1.0, 1.0)) as renderer:
+        state = LayerState(placement=InRoom.of(away), policy=white.policy)
+        frame = FrameState(viewers=(Viewer(tuple(EYE.tolist())),), layers=(state,))
+        (picture,) = renderer.seen(frame, [camera])
+    seen = linear_of_srgb(picture[..., :3] / 255)
     expected = GAIN * least_cosine(MATCHED_PAIR, EYE[None]) ** FALLOFF
     np.testing.assert_allclose(seen, expected, rtol=0.02)
 
@@ -283,7 +267,7 @@ def test_the_least_cosine_is_the_displays_whichever_panels_a_quilt_holds() -> No
 
 
 def test_the_struct_is_what_the_shader_says() -> None:
-    text = shader_text("limen.layers.common", "matching.wgsl")
+    text = shader_text("limen.frame", "matching.wgsl")
     begin = text.index("struct Matched {")
     body = [line for line in text[begin : text.index("}", begin) + 1].splitlines() if "//" not in line]
     assert body == wgsl_struct("Matched", MATCHED).splitlines()

@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.frames import frame_of
 
 from limen.display.display import Display
 from limen.display.quilt import pack, pieces
 from limen.errors import InputError
-from limen.layers.image.draw.drawer import ImageLayer, drawable_of
+from limen.frame.renderer import Renderer
+from limen.gpu.buffers import TextureReader
 from limen.layers.image.draw.feedback import Feedback
 from limen.layers.image.draw.uniforms import level_colours
+from limen.layers.image.layer import ImageLayer
 from limen.layers.image.select import select, view_of
-from limen.viewing.placement import OnShape, OnSurface
+from limen.viewing.placement import OnShape, OnSurface, Placement
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import tolerance_of
 
@@ -23,7 +26,7 @@ pytestmark = pytest.mark.gpu
 
 _FULL = tolerance_of([], Policy("full"))
 _EYE = (0.0, 0.0, 0.0)
-PLACEMENTS = {
+PLACEMENTS: dict[str, Placement] = {
     "surface": OnSurface("one-to-one"),
     "ellipsoid": OnShape("ellipsoid", (0, 0, 0), (0, 0, -5.0), (0, -4.0, 0)),
     "plane": OnShape("plane", (-0.3, 0.3, -0.9), (0.6, 0, 0), (0, -0.6, 0)),
@@ -77,12 +80,8 @@ def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: 
     for placement in PLACEMENTS.values():
         view = view_of(display, image.pyramid, placement)
         cut = select(view, _FULL, eye_m=_EYE)
-        layer = ImageLayer(studio.device, view, studio.pool)
-        with studio.stream(image) as stream:
-            drawable = drawable_of(stream, view, cut)
-            texture = layer.draw(cut, drawable, _FULL, pack(display)[0], eye_m=_EYE)
-        assert (layer.read(texture) == 0).all()
-        layer.destroy()
+        with studio.exhibit(image) as shown:
+            assert (shown.draw(pack(display)[0], shown.part(view, cut, _FULL, _EYE)) == 0).all()
 
 
 def test_the_overlay_tints_by_level(studio: Any, memory_image: Any) -> None:
@@ -97,23 +96,24 @@ def test_the_overlay_tints_by_level(studio: Any, memory_image: Any) -> None:
         assert colour.max() > colour.min() + 40
 
 
-def test_another_placement_on_the_same_layer(studio: Any, memory_image: Any, texels: Any) -> None:
+def test_another_placement_of_the_same_image(studio: Any, memory_image: Any, texels: Any) -> None:
+    """Panned, zoomed, laid on a shape and back on the surface, while its pages stay."""
     image, display = memory_image(texels), Display.window((300, 200))
-    first, second = (view_of(display, image.pyramid, OnSurface("one-to-one", zoom=zoom)) for zoom in (1.0, 2.0))
+    zoomed = [OnSurface("one-to-one", zoom=zoom) for zoom in (1.0, 2.0)]
+    first, second, plane = (view_of(display, image.pyramid, each) for each in (*zoomed, PLACEMENTS["plane"]))
     quilt = pack(display)[0]
-    layer = ImageLayer(studio.device, first, studio.pool)
     pictures = []
-    with studio.stream(image) as stream:
-        for view in (first, second, first):
-            layer.place(view)
-            cut = select(view, _FULL)
-            studio.settle(stream, cut)
-            pictures.append(layer.read(layer.draw(cut, drawable_of(stream, view, cut), _FULL, quilt)))
+    with studio.exhibit(image) as shown:
+        for view in (first, second, first, plane, first):
+            cut = select(view, _FULL, eye_m=_EYE)
+            shown.settle(cut.pages)
+            pictures.append(shown.draw(quilt, shown.part(view, cut, _FULL, _EYE)))
     assert (pictures[0] == pictures[2]).all()
     assert (pictures[0] != pictures[1]).any()
-    with pytest.raises(ValueError, match="another layer"):
-        layer.place(view_of(display, image.pyramid, PLACEMENTS["plane"]))
-    layer.destroy()
+    assert (pictures[0] == pictures[4]).all()
+    alone = studio.draw(image, display, PLACEMENTS["plane"], _FULL, eye_m=_EYE)["window"].astype(int)
+    off = np.abs(alone - pieces(display, quilt, pictures[3])["window"]).max(axis=-1) > 1
+    assert off.mean() < 1e-4, "pages lie elsewhere in the pool"
 
 
 @pytest.mark.parametrize("texture_format", ["rgba8unorm-srgb", "bgra8unorm-srgb"])
@@ -124,21 +124,25 @@ def test_drawing_to_a_windows_texture_is_drawing_to_the_quilts(
 
     image, display = memory_image(texels), Display.window((256, 200))
     expected = studio.draw(image, display, OnSurface(), _FULL)["window"]
-    view = view_of(display, image.pyramid, OnSurface())
-    cut, quilt = select(view, _FULL), pack(display)[0]
     usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC
     texture = studio.device.wgpu.create_texture(size=(256, 200, 1), format=texture_format, usage=usage)
-    layer = ImageLayer(studio.device, view, studio.pool)
-    with studio.stream(image) as stream:
-        studio.settle(stream, cut)
-        drawable = drawable_of(stream, view, cut)
+    layer = ImageLayer(image, policy=Policy("full"))
+    with Renderer(studio.device, display, [layer], gpu_bytes=1 << 26) as renderer:
+        frame = frame_of(renderer)
+        for _ in renderer.pictures(frame):  # until its pages are there
+            pass
+        chosen = renderer.choose(frame, now_s=1.0)
         target = texture.create_view()
-        assert layer.draw(cut, drawable, _FULL, quilt, target=target, target_format=texture_format) is None
-    drawn = layer.read(texture)
+        assert renderer.draw(chosen, 0, target=target, target_format=texture_format).texture is None
+        (quilt,) = renderer.quilts
+    reader = TextureReader(studio.device)
+    drawn = reader.read(texture)
     order = [2, 1, 0, 3] if texture_format.startswith("bgra") else [0, 1, 2, 3]
     shown = pieces(display, quilt, drawn)["window"][..., order].astype(int)
-    assert np.abs(shown - expected).max() <= 1
-    layer.destroy()
+    inside = expected[..., 3] > 0
+    assert np.abs(shown - expected)[inside].max() <= 1
+    assert (shown[~inside] == [0, 0, 0, 255]).all(), "black beside the image"
+    reader.destroy()
     texture.destroy()
 
 
@@ -146,10 +150,8 @@ def test_an_image_on_a_shape_needs_an_eye(studio: Any, memory_image: Any, texels
     image, display = memory_image(texels), Display.window((64, 64))
     view = view_of(display, image.pyramid, PLACEMENTS["plane"])
     cut = select(view, _FULL, eye_m=_EYE)
-    layer = ImageLayer(studio.device, view, studio.pool)
-    with studio.stream(image) as stream, pytest.raises(InputError, match="needs an eye point"):
-        layer.draw(cut, drawable_of(stream, view, cut), _FULL, pack(display)[0])
-    layer.destroy()
+    with studio.exhibit(image) as shown, pytest.raises(InputError, match="needs an eye point"):
+        shown.draw(pack(display)[0], shown.part(view, cut, _FULL))
 
 
 def _objects() -> dict[str, int]:
@@ -164,7 +166,7 @@ def test_nothing_is_left_on_the_gpu(kind: str, studio: Any, memory_image: Any, t
     image, display = memory_image(texels), Display.window((300, 200))
 
     def use() -> None:
-        for overlay in (None, "exact", "levels"):
+        for overlay in ("", "exact", "levels"):
             studio.draw(image, display, PLACEMENTS[kind], _FULL, eye_m=_EYE, overlay=overlay)
         feedback = Feedback(studio.device, view_of(display, image.pyramid, PLACEMENTS[kind]))
         feedback.run(_FULL, eye_m=_EYE)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.clouds import ball
+from tests.drawing import Easel, eyes_view
 
 from limen.data.points.build import build_points
 from limen.data.points.nodes import CHUNK_NODES, LEVEL_BEGIN
@@ -20,8 +21,13 @@ from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.common.panel_uniforms import PANEL_VIEW
 from limen.layers.points.draw import uniforms as records
-from limen.layers.points.draw.drawer import METHODS, PointsLayer, Shape
-from limen.viewing.projection import QuiltPanels
+from limen.layers.points.draw.drawer import CHUNK_BYTES, METHODS, PointsDrawer, Shape
+from limen.layers.points.layer import PointsLayer, PointsPart
+from limen.layers.points.select import PointCut, PointsRequest
+from limen.stream.chunks import Arrival, Statistics, Update
+from limen.viewing.policy import Policy
+from limen.viewing.projection import QuiltView
+from limen.viewing.tolerance import tolerance_of
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -29,12 +35,19 @@ CLOUD = ball(3000)
 STANDS = np.array([[0.3, 0, 0, 0], [0, 0.3, 0, 0], [0, 0, 0.3, -1.0], [0, 0, 0, 1.0]])
 
 
-def layer_of(device: Any, cloud: Any, **fields: Any) -> PointsLayer:
-    layer = PointsLayer(device, np.concatenate(cloud.tops), cloud.chunks, **fields)
-    for chunk in range(cloud.chunks):
-        frame = cloud.frames
-        layer.upload(chunk, cloud.read_chunk(chunk), frame.origin[chunk], frame.step[chunk], frame.radius[chunk])
-    return layer
+def drawer_of(device: Any, cloud: Any, **fields: Any) -> PointsDrawer:
+    """A drawer with all of a cloud's chunks, each in the slot of its number."""
+    drawer = PointsDrawer(device, PointsLayer(cloud, **fields), cloud.chunks * CHUNK_BYTES)
+    arrived = [Arrival(chunk, (chunk,), cloud.read_chunk(chunk)) for chunk in range(cloud.chunks)]
+    drawer.upload(0, Update(arrived, [], Statistics(0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0)))
+    return drawer
+
+
+def part_of(view: QuiltView, stands: Any, pairs: Any, *, lit: bool = True) -> PointsPart:
+    """These pairs of a splat and a panel, of a cloud that stands by a map from its own origin."""
+    policy = Policy("full")
+    request = PointsRequest(view.eyes[0], stands, tolerance_of([], policy), policy, np.ones(256), lit)
+    return PointsPart(request, PointCut(pairs, np.zeros(0, np.int64), 1.0, 0.0, 0.0, 0))
 
 
 def leaves_of(cloud: Any, panels: int = 1) -> Any:
@@ -57,14 +70,16 @@ def corner_panels() -> Display:
 def test_all_ways_to_find_the_nearest_give_the_same_picture(device: Any, shape: Shape) -> None:
     display = corner_panels()
     (quilt,) = pack_outlines(display)
-    windows, eye = QuiltPanels(display, quilt), np.array([0.0, 0.0, 0.6])
-    pictures = {}
-    for method in METHODS if device.has_wide_atomics else METHODS[1:]:
-        layer = layer_of(device, CLOUD, shape=shape, method=method, background=(0.1, 0.0, 0.1))
-        pictures[method] = layer.read(layer.draw(windows, eye, STANDS, leaves_of(CLOUD, 2))).copy()
-        layer.most_placed = 700  # as if an adapter could hold no more: batches
-        pictures[method, "in batches"] = layer.read(layer.draw(windows, eye, STANDS, leaves_of(CLOUD, 2)))
-        layer.destroy()
+    view = eyes_view(display, quilt, (0.0, 0.0, 0.6))
+    part = part_of(view, STANDS, leaves_of(CLOUD, 2))
+    pictures: dict[Any, Any] = {}
+    with Easel(device, background=(0.1, 0.0, 0.1)) as easel:
+        for method in METHODS if device.has_wide_atomics else METHODS[1:]:
+            drawer = drawer_of(device, CLOUD, shape=shape, method=method)
+            pictures[method] = easel.picture(drawer, view, part)
+            drawer.most_placed = 700  # as if an adapter could hold no more: batches
+            pictures[method, "in batches"] = easel.picture(drawer, view, part)
+            drawer.destroy()
     first, *others = pictures.values()
     assert (first[..., 1] > 60).sum() > 2000
     for other in others:
@@ -75,20 +90,27 @@ def test_the_nearest_disc_that_a_pixel_sees_is_drawn(device: Any) -> None:
     """Against the definition: a disc facing the eye, in plain NumPy, for every pixel and every point."""
     size = (96, 72)
     display = Display.window(size)
-    windows, eye = QuiltPanels(display, Quilt(size, (0,), ((0, 0),))), np.zeros(3)
+    view = eyes_view(display, Quilt(size, (0,), ((0, 0),)), np.zeros(3))
     rng = np.random.default_rng(4)
     places = rng.uniform(-1, 1, (60, 3)) * [0.12, 0.09, 0.1]
     rgb = rng.integers(0, 256, (60, 3)).astype(np.uint8)
     cloud = build_points(places, rgb, estimate_normals=False)
     stands = np.eye(4)
     stands[2, 3] = -0.8
-    layer = layer_of(device, cloud)
-    picture = layer.read(layer.draw(windows, eye, stands, leaves_of(cloud), lit=False))
-    layer.destroy()
-    expected, sure = plain_picture(cloud, windows.seen_from(eye), size, stands)
+    picture = drawn(device, cloud, view, stands)
+    expected, sure = plain_picture(cloud, view.eyes[0], size, stands)
     assert sure.mean() > 0.9  # pixels that no disc's edge goes through
     differs = np.abs(picture[..., :3].astype(int) - expected).max(axis=-1) > 1
     assert not (differs & sure).any()
+
+
+def drawn(device: Any, cloud: Any, view: QuiltView, stands: Any) -> Any:
+    """All points of a cloud, as they are coloured."""
+    drawer = drawer_of(device, cloud)
+    with Easel(device) as easel:
+        picture = easel.picture(drawer, view, part_of(view, stands, leaves_of(cloud), lit=False))
+    drawer.destroy()
+    return picture
 
 
 def plain_picture(cloud: Any, views: Any, size: tuple[int, int], stands: Any) -> tuple[Any, Any]:
@@ -122,12 +144,10 @@ def plain_picture(cloud: Any, views: Any, size: tuple[int, int], stands: Any) ->
 def test_a_point_of_no_size_has_a_pixel(device: Any) -> None:
     cloud = build_points(np.zeros((5, 3)), np.full((5, 3), 255, np.uint8))
     size = (31, 31)
-    windows = QuiltPanels(Display.window(size), Quilt(size, (0,), ((0, 0),)))
+    view = eyes_view(Display.window(size), Quilt(size, (0,), ((0, 0),)), np.zeros(3))
     stands = np.eye(4)
     stands[2, 3] = -1.0
-    layer = layer_of(device, cloud)
-    picture = layer.read(layer.draw(windows, np.zeros(3), stands, leaves_of(cloud), lit=False))
-    layer.destroy()
+    picture = drawn(device, cloud, view, stands)
     assert (picture[..., 0] == 255).sum() == 1
     assert picture[15, 15, 0] == 255
 
@@ -146,4 +166,4 @@ def test_structs_are_what_the_shaders_say() -> None:
 
 def test_a_shape_that_is_not_there_is_refused(device: Any) -> None:
     with pytest.raises(InputError, match="round, square"):
-        PointsLayer(device, np.concatenate(CLOUD.tops), 1, shape="oval")  # type: ignore[arg-type]
+        PointsDrawer(device, PointsLayer(CLOUD, shape="oval"), CHUNK_BYTES)  # type: ignore[arg-type]

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from test_sort import DISPLAYS
+from tests.drawing import BLACK, NOWHERE, Easel, drawn_mesh, mesh_view
+from tests.frames import frame_of, row_of
 
 from limen.data.mesh.mesh import NO_TEXTURE, Mesh, smooth_normals
 from limen.data.samples.mesh import torus_knot
@@ -16,12 +18,16 @@ from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt, pack, pieces
 from limen.errors import InputError
+from limen.frame.renderer import Renderer
+from limen.layers.common.room_placement import RoomPlacement
+from limen.layers.mesh.layer import MeshLayer, MeshPart
+from limen.viewing.choices import Stereo
 from limen.viewing.projection import GUARD_PX, QuiltPanels
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
-NOWHERE = np.eye(4)
+HERE = RoomPlacement(matrix=NOWHERE)
 
 
 def plain(positions: Any, triangles: Any, colours: Any = (255, 255, 255, 255)) -> Mesh:
@@ -67,17 +73,8 @@ def depth_in_outlines(display: Display, quilt: Quilt, rows: Any) -> NDArray[np.f
 
 def draw(device: Any, mesh: Mesh, display: Display, eyes: Any, *, clip: bool = True, **options: Any) -> Any:
     """The one quilt's pixels and depths."""
-    from limen.layers.mesh.draw.drawer import SceneLayer
-
-    quilt = quilt_of(display)
-    eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
-    windows = QuiltPanels(display, quilt, len(eyes))
-    layer = SceneLayer(device, mesh, clip=clip)
-    layer.sort(windows, eyes, NOWHERE, forward=options.pop("forward", None))
-    image = layer.read(layer.draw(windows, **options))
-    depth = layer.read_depth(windows).astype(float)
-    layer.destroy()
-    return image, depth
+    view = mesh_view(display, quilt_of(display), mesh, eyes, looking=options.pop("forward", None))
+    return drawn_mesh(device, MeshLayer(mesh, clip=clip, **options), view)
 
 
 def square(z: float, half: float = 1.0, colour: Any = (255, 255, 255, 255)) -> Mesh:
@@ -180,32 +177,41 @@ def test_two_eyes_are_two_pictures(device: Any) -> None:
 
 
 def test_stereo_pictures(device: Any) -> None:
-    from limen.layers.mesh.renderer import SceneRenderer
-
     display = facing_panel((320, 240))
-    mesh = torus_knot(4000)
+    layers = [MeshLayer(torus_knot(4000))]
     viewer = Viewer((0, 0, 1.0), eye_separation_m=0.2)
-    with SceneRenderer(device, display, mesh, stereo="side-by-side") as renderer:
-        ((name, wide, _),) = [(name, picture.copy(), report) for name, picture, report in renderer.pictures(viewer)]
+
+    def pictures(stereo: Stereo) -> dict[str, NDArray[np.uint8]]:
+        with Renderer(device, display, layers, stereo=stereo) as renderer:
+            return {name: picture.copy() for name, picture, _ in renderer.pictures(frame_of(renderer, viewer))}
+
+    ((name, wide),) = pictures("side-by-side").items()
     assert (name, wide.shape) == ("only", (240, 640, 4))
-    with SceneRenderer(device, display, mesh, stereo="sequential") as renderer:
-        after_another = {name: picture.copy() for name, picture, _ in renderer.pictures(viewer)}
+    after_another = pictures("sequential")
     np.testing.assert_array_equal(after_another["only@left"], wide[:, :320])
     np.testing.assert_array_equal(after_another["only@right"], wide[:, 320:])
-    with SceneRenderer(device, display, mesh, stereo="anaglyph") as renderer:
-        ((_, mixed, _),) = [(name, picture.copy(), report) for name, picture, report in renderer.pictures(viewer)]
+    ((_, mixed),) = pictures("anaglyph").items()
     np.testing.assert_array_equal(mixed[..., 0], wide[:, :320, 0])
     np.testing.assert_array_equal(mixed[..., 1:3], wide[:, 320:, 1:3])
     with pytest.raises(InputError, match="no stereo is named"):
-        SceneRenderer(device, display, mesh, stereo="polarised")  # type: ignore[arg-type]
+        Renderer(device, display, layers, stereo="polarised")  # type: ignore[arg-type]
+
+
+def shown_alone(device: Any, display: Display, mesh: Mesh, viewer: Viewer) -> NDArray[np.uint8]:
+    """What a renderer shows on the one panel of a display, of a mesh in room coordinates."""
+    with Renderer(device, display, [MeshLayer(mesh, HERE)], background=BLACK) as renderer:
+        ((_, picture, _),) = renderer.pictures(frame_of(renderer, viewer))
+        return picture.copy()
 
 
 def test_brightness_makes_up_for_the_angle_and_the_panel(device: Any) -> None:
     """Light that falls as the square of the cosine arrives even from 0 to 60 degrees."""
     eye = (0.0, 0.0, 0.4)
     mesh = square(-3.0, 10.0)
-    even, _ = draw(device, mesh, facing_panel((640, 480)), eye)
-    made_up, _ = draw(device, mesh, facing_panel((640, 480), falloff=2.0, gain=0.5), eye)
+    even, made_up = (
+        shown_alone(device, display, mesh, Viewer(eye))
+        for display in (facing_panel((640, 480)), facing_panel((640, 480), falloff=2.0, gain=0.5))
+    )
     x, y = np.meshgrid((np.arange(640) - 319.5) * 0.001, (np.arange(480) - 239.5) * 0.001)
     cosine = 0.4 / np.sqrt(x**2 + y**2 + 0.16)
     code = made_up[..., 0] / 255.0
@@ -249,34 +255,35 @@ def test_holes_of_a_texture_are_seen_through(device: Any) -> None:
 
 
 def test_a_mesh_moves_between_frames(device: Any) -> None:
-    from limen.layers.mesh.renderer import SceneRenderer
-
     display = facing_panel((320, 240))
     mesh = square(0.0, 0.05)
-    with SceneRenderer(device, display, mesh, room_from_mesh=np.eye(4), background=(0, 0, 0)) as renderer:
+
+    def moved(time_s: float) -> Mesh:
+        return mesh.deformed(mesh.positions + np.float32([time_s, 0, 0]))
+
+    with Renderer(device, display, [MeshLayer(mesh, HERE, deformed=moved)], background=BLACK) as renderer:
         columns = []
-        for step in (0.0, 0.1):
-            renderer.move(mesh.deformed(mesh.positions + np.float32([step, 0, 0])))
-            ((_, picture, report),) = renderer.pictures(Viewer((0, 0, 1.0)))
+        for time_s in (0.0, 0.1):
+            ((_, picture, report),) = renderer.pictures(frame_of(renderer, Viewer((0, 0, 1.0)), time_s=time_s))
             columns.append(np.nonzero(picture[..., 0])[1].mean())
-            assert report.triangles == 2
+            assert row_of(report).drawn == 2
     assert columns[1] - columns[0] == pytest.approx(50, abs=0.5)
 
 
 def test_turned_quilts_show_the_same_pictures(device: Any) -> None:
-    from limen.layers.mesh.draw.drawer import SceneLayer
+    from limen.layers.mesh.draw.drawer import MeshDrawer
 
     display = facing_panel((320, 240))
     mesh = knot(display, 4000)
-    layer = SceneLayer(device, mesh)
+    drawer = MeshDrawer(device, MeshLayer(mesh))
     pictures = []
-    for turn in range(4):
-        size = (330, 250) if turn % 2 == 0 else (250, 330)
-        quilt = Quilt(size, (0,), ((5, 5),), (turn,))
-        windows = QuiltPanels(display, quilt)
-        layer.sort(windows, np.array([(0.1, 0.05, 1.0)]), NOWHERE)
-        pictures.append(pieces(display, quilt, layer.read(layer.draw(windows)))["only"].copy())
-    layer.destroy()
+    with Easel(device) as easel:
+        for turn in range(4):
+            size = (330, 250) if turn % 2 == 0 else (250, 330)
+            quilt = Quilt(size, (0,), ((5, 5),), (turn,))
+            view = mesh_view(display, quilt, mesh, (0.1, 0.05, 1.0))
+            pictures.append(pieces(display, quilt, easel.picture(drawer, view, MeshPart(NOWHERE)))["only"].copy())
+    drawer.destroy()
     lit = int((pictures[0][..., 0] > 0).sum())
     for picture in pictures[1:]:
         different = (np.abs(picture.astype(int) - pictures[0]).max(axis=-1) > 3).sum()
@@ -293,7 +300,7 @@ def test_shared_depth_is_that_of_the_viewers_camera(device: Any) -> None:
     forward = np.array([0, 1.2, 0]) - eye_m
     forward /= np.linalg.norm(forward)
     wall = square(-2.0, 30.0)
-    _, depth = draw(device, wall, display, eye, depth="shared", forward=forward[None])
+    _, depth = draw(device, wall, display, eye, depth="shared", forward=forward)
     views = QuiltPanels(display, quilt).seen_from(eye_m)
     checked = 0
     for row, index in enumerate(quilt.panels):
@@ -338,27 +345,25 @@ def halved(image: NDArray[np.uint8], factor: int) -> NDArray[np.float64]:
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "cave"])
 def test_the_eye_sees_the_scene_as_if_the_display_were_not_there(device: Any, name: str) -> None:
     """Through the lit display against a picture drawn from the eye directly, inside panels and along their borders."""
-    from limen.layers.common.simulator import DisplaySimulator
-    from limen.layers.mesh.draw.drawer import SceneLayer
+    from limen.frame.simulator import DisplaySimulator
+    from limen.layers.mesh.draw.drawer import MeshDrawer
     from limen.viewing.camera import Camera
 
     display, eye = DISPLAYS[name]
     target = (-1.5, 1.5, -1.5) if name == "cave" else (0.0, 1.2, 0.0)
     size, fov, light = 300, 60.0 if name == "cave" else 30.0, (0.02, 0.03, 0.05)
     mesh = knot(display)
-    layer = SceneLayer(device, mesh, background=light)
+    drawer, easel = MeshDrawer(device, MeshLayer(mesh)), Easel(device, background=light)
     quilt = quilt_of(display)
-    windows = QuiltPanels(display, quilt)
-    layer.sort(windows, np.array(eye), NOWHERE)
+    drawn = easel.draw(drawer, mesh_view(display, quilt, mesh, eye), MeshPart(NOWHERE))
     lit = DisplaySimulator(device, display, [quilt], guard_px=GUARD_PX)
     camera = Camera(eye, target, (size, size), fov)
-    through = lit.read(lit.draw([layer.draw(windows)], camera, samples=4, uneven=False))[..., :3] / 255.0
+    through = lit.read(lit.draw([drawn], camera, samples=4, uneven=False))[..., :3] / 255.0
     lit.destroy()
     flat, whole = square_of_view(eye, target, size * 4, fov)
-    windows = QuiltPanels(flat, whole)
-    layer.sort(windows, np.array(eye), NOWHERE)
-    direct = halved(layer.read(layer.draw(windows)), 4)
-    layer.destroy()
+    direct = halved(easel.picture(drawer, mesh_view(flat, whole, mesh, eye), MeshPart(NOWHERE)), 4)
+    easel.destroy()
+    drawer.destroy()
     inside, border = regions(display, camera)
     squared = ((through - direct) ** 2).mean(axis=-1)
     assert (inside & ~border).sum() > 5000
@@ -388,19 +393,17 @@ def test_panels_that_touch_in_a_mapping_do_not_draw_over_each_other(device: Any)
     """Two panels side by side without a gap: each shows what it shows alone."""
     from dataclasses import replace
 
-    from limen.layers.mesh.renderer import SceneRenderer
-
     left = facing_panel((64, 48)).panels[0]
     right = replace(left, name="other", origin_m=(0.0, 0.24, 0.5), right=(0.6, 0.0, -0.8))
     mapped = Display("two", (left, right), quilts=(Quilt((128, 48), (0, 1), ((0, 0), (64, 0))),))
     viewer = Viewer((0.1, 0.0, 1.2))
     mesh = torus_knot(4000)
-    with SceneRenderer(device, mapped, mesh) as renderer:
+    with Renderer(device, mapped, [MeshLayer(mesh)]) as renderer:
         assert renderer.guard_px == 0
-        stands = renderer.room_from_mesh
-        together = {name: picture.copy() for name, picture, _ in renderer.pictures(viewer)}
+        frame = frame_of(renderer, viewer)
+        together = {name: picture.copy() for name, picture, _ in renderer.pictures(frame)}
     for panel in (left, right):
-        with SceneRenderer(device, Display("one", (panel,)), mesh, room_from_mesh=stands) as renderer:
+        with Renderer(device, Display("one", (panel,)), [MeshLayer(mesh)]) as renderer:
             assert renderer.guard_px == GUARD_PX
-            ((name, alone, _),) = renderer.pictures(viewer)
+            ((name, alone, _),) = renderer.pictures(frame)
             assert (np.abs(alone.astype(int) - together[name]).max(axis=-1) > 3).sum() <= 5

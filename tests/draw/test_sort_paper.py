@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from brute import pairs as brute_pairs
 from test_sort import DISPLAYS, ROUNDING_PX, soup
+from tests.drawing import begun, drawn_mesh, eyes_view
 
 from limen.data import torus_knot
 from limen.display.display import Display
@@ -17,6 +18,7 @@ from limen.display.quilt import Quilt, pack
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.common.panel_uniforms import PANEL_VIEW
+from limen.layers.mesh.layer import MeshLayer
 from limen.study.baselines.sort_paper import PAPER_FRAME
 from limen.study.baselines.sort_whole import OCTREE_FRAME
 from limen.viewing.projection import GUARD_PX, QuiltPanels
@@ -149,20 +151,18 @@ def lit_px(display: Display, quilt: Quilt) -> Any:
 @pytest.mark.parametrize("clip", [True, False])
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "stairs"])
 def test_all_ways_draw_the_same_picture(device: Any, name: str, clip: bool) -> None:
-    from limen.layers.mesh.draw.drawer import SceneLayer
     from limen.study.baselines.methods import METHODS
 
     display, eye = DISPLAYS[name]
     eyes = np.array(eye) + np.array([[0, 0, 0], [0.06, 0, 0]])
     (quilt,) = pack_outlines(display)
-    windows = QuiltPanels(display, quilt, 2)
     mesh = torus_knot(2_000)
+    view = begun(eyes_view(display, quilt, eyes), mesh.bounds, PLACE)
     pictures = {}
     for method in METHODS:
-        layer = SceneLayer(device, mesh, sorter=METHODS[method], clip=clip)
-        layer.sort(windows, eyes, PLACE)
-        pictures[method] = layer.read(layer.draw(windows)).astype(int)
-        layer.destroy()
+        layer = MeshLayer(mesh, clip=clip)
+        picture, _ = drawn_mesh(device, layer, view, room_from_mesh=PLACE, sorter=METHODS[method])
+        pictures[method] = picture.astype(int)
     ours = pictures["limen"]
     assert ours[..., :3].any(axis=2).mean() > 0.02
     lit = np.tile(lit_px(display, quilt), 2)

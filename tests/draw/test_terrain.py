@@ -8,26 +8,32 @@ from typing import Any
 import numpy as np
 import pytest
 from lands import GridLand, TinLand, fans, normals_of
+from tests.drawing import Easel, eyes_view
 
 from limen.data.store.resample import linear_of_srgb, srgb_of_linear
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
 from limen.display.quilt import pack
-from limen.layers.terrain.borders import BorderPool
-from limen.layers.terrain.look import SEA, TerrainLook, hypsometric_ramp, panel_tints, toward_sun
+from limen.layers.terrain.borders import BorderPool, Fans
+from limen.layers.terrain.layer import Draped, TerrainLayer
+from limen.layers.terrain.look import SEA, TerrainLook, hypsometric_ramp, toward_sun
 from limen.layers.terrain.look_at import room_from_posts
-from limen.layers.terrain.patches import PatchPlaces, patch_stream
+from limen.layers.terrain.pages import NeededPages
+from limen.layers.terrain.patches import PatchPlaces, patch_streaming
+from limen.layers.terrain.selector import Choice, TerrainPart, nearest_m
 from limen.stream.chunks import completed
-from limen.stream.pages import PageStream, PageTable
+from limen.stream.pages import PageTable, page_streaming, resident_table
 from limen.viewing.placement import LookAt
-from limen.viewing.projection import QuiltPanels
+from limen.viewing.projection import QuiltPanels, QuiltView
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 EYE = (0.1, 0.05, 0.8)
 MAGENTA = (255, 0, 255)
 _STEPS = 400
+_GPU_BYTES = 52_000_000
+"""400,000 vertices, three million indices, and 180 pages of each kind."""
 
 
 def hills(columns: int, rows: int, size_m: float = 9.0) -> Any:
@@ -78,82 +84,88 @@ def mixture(land: GridLand, rng: Any, leave: float = 0.75) -> Any:
 class Stage:
     """Everything between a terrain and its picture, waiting for all that is wanted."""
 
-    def __init__(self, device: Any, land: GridLand, *, drape: Any = None, clip: bool = True) -> None:
-        from limen.gpu.pool import PagePool
-        from limen.layers.terrain.draw.drawer import Drape, TerrainLayer
+    def __init__(
+        self,
+        device: Any,
+        land: GridLand,
+        *,
+        look: TerrainLook | None = None,
+        drape: Any = None,
+        clip: bool = True,
+        matched: bool = False,
+    ) -> None:
+        from limen.layers.terrain.draw.drawer import TerrainDrawer
 
-        self.land, self.rims = land, BorderPool()
-        bytes_ = 45 * 512 * 512
-        self.pools = [PagePool(device, bytes_, format="rgba8unorm") for _ in range(2)]
-        sources: list[Any] = [land.relief, land.heights]
-        over = None
-        if drape is not None:
-            self.pools.append(PagePool(device, bytes_))
-            sources.append(drape[0])
-            over = Drape(drape[0].pyramid, self.pools[-1], drape[1])
-        room = {"vertex_capacity": 400_000, "index_capacity": 2_000_000}
-        self.layer = TerrainLayer(
-            device,
-            land,
-            relief=self.pools[0],
-            heights=self.pools[1],
-            drape=over,
-            clip=clip,
-            background=(1, 0, 1),
-            **room,
-        )
-        self.patches = patch_stream(land, **room)
-        self.streams = [PageStream(source, pool.slots) for source, pool in zip(sources, self.pools, strict=True)]
+        draped = None if drape is None else Draped(*drape)
+        layer = TerrainLayer(land, look or TerrainLook("plain"), draped=draped)  # type: ignore[arg-type]
+        self.land, self.rims, self.easel = land, BorderPool(), Easel(device, background=(1, 0, 1), matched=matched)
+        self.drawer = TerrainDrawer(device, layer, _GPU_BYTES, clip=clip)
+        sources: list[Any] = [land.relief, land.heights, *([drape[0]] if drape is not None else [])]
+        streamings = [patch_streaming(land), *(page_streaming(source) for source in sources)]
+        self.streams = [each.stream(room, 2) for each, room in zip(streamings, self.drawer.allocators, strict=True)]
+        self.pyramids = [source.pyramid for source in sources]
         self.pages = self.tables()
 
-    def tables(self) -> Any:
-        from limen.layers.terrain.draw.drawer import PageTables
-
-        return PageTables(*(stream.table() for stream in self.streams))
+    def tables(self) -> tuple[PageTable, ...]:
+        """Of relief, heights and, where there is one, a drape."""
+        return tuple(
+            resident_table(pyramid, stream.resident)
+            for pyramid, stream in zip(self.pyramids, self.streams[1:], strict=True)
+        )
 
     def load(self, patches: Any, pages: Any = None) -> None:
-        for _, update in completed([(self.patches, patches)]):
-            self.layer.write(update.arrived)
-            for patch in update.evicted:
-                self.rims.remove(patch)
-            for patch, (first_vertex, *_), content in update.arrived:
-                self.rims.add(patch, content, first_vertex)
-        for stream, pool in zip(self.streams, self.pools, strict=True):
-            wanted = np.arange(stream._pyramid.page_count) if pages is None else pages
-            for _, update in completed([(stream, wanted)]):
-                pool.write(update.arrived)
+        every = [np.arange(pyramid.page_count) for pyramid in self.pyramids]
+        wanted = [patches, *(every if pages is None else [pages] * len(every))]
+        for source, update in completed(list(zip(self.streams, wanted, strict=True))):
+            self.drawer.upload(source, update)
+            if source == 0:
+                for patch in update.evicted:
+                    self.rims.remove(patch)
+                for patch, (first_vertex, *_), content in update.arrived:
+                    self.rims.add(patch, content, first_vertex)
         self.pages = self.tables()
 
     def draw(
-        self, display: Display, room: Any, patches: Any, *, eyes: Any = EYE, joined: bool = True, **options: Any
+        self,
+        display: Display,
+        room: Any,
+        patches: Any,
+        *,
+        eyes: Any = EYE,
+        joined: bool = True,
+        overlay: str = "",
+        allowed_px: float = 0.5,
+        seen: int = 0,
     ) -> Any:
-        """The one quilt's pixels, (H, W, 3)."""
-        from limen.layers.terrain.draw.drawer import Rims
-
-        eyes = np.reshape(eyes, (-1, 3))
+        """The one quilt's pixels, (H, W, 3); ``seen``: how all panels are."""
         (quilt,) = pack(display) if len(display.panels) == 1 else pack_outlines(display)
-        self.windows = QuiltPanels(display, quilt, len(eyes))
         count = len(display.panels)
-        cut = SimpleNamespace(pair_panel=np.repeat(np.arange(count), len(patches)), pair_patch=np.tile(patches, count))
+        cut: Any = SimpleNamespace(
+            pair_panel=np.repeat(np.arange(count), len(patches)), pair_patch=np.tile(patches, count),
+            panel_error_px=np.ones(count),
+        )  # fmt: skip
+        places = PatchPlaces.of(self.streams[0].resident)
         if joined:
-            triangles, panel_first = self.rims.fans(cut.pair_panel, cut.pair_patch, count)
+            fans = self.rims.fans(cut.pair_panel, cut.pair_patch, count)
         else:  # every rim as it is without neighbours
-            places = PatchPlaces.of(self.patches.resident)
             each = [self.land.read_patch(int(patch)).rims + places.first_vertex[patch] for patch in patches]
             triangles, panel_first = np.concatenate(each).astype(np.uint32), np.arange(count + 1) * sum(map(len, each))
-            triangles = np.tile(triangles, (count, 1))
-        rims = Rims(triangles.reshape(-1), panel_first * 3)
-        options = {"look": TerrainLook("plain"), "allowed_px": np.full(count, 0.5)} | options
-        texture = self.layer.draw(
-            self.windows, eyes, room, cut, PatchPlaces.of(self.patches.resident), rims, pages=self.pages, **options
-        )
-        return self.layer.read(texture)[..., :3]
+            fans = Fans(np.tile(triangles, (count, 1)), panel_first)
+        view = eyes_view(display, quilt, eyes)
+        nodes = np.unique(self.land.patches.node[patches]).astype(np.int64)
+        near_m = min(nearest_m(self.land.nodes, nodes, room, eye_m) for eye_m in view.eyes_m)
+        self.view = view.beginning_at(near_m)
+        none = NeededPages(np.zeros(0, np.int64), np.zeros(0))
+        allowed = np.full(count, allowed_px)
+        choice = Choice(self.view, room, allowed, np.full(count, seen, np.int8), cut, none, none)
+        part = TerrainPart(choice, cut, places, fans, self.pages)
+        return self.easel.picture(self.drawer, self.view, part, overlay)[..., :3]
 
     def close(self) -> None:
-        for each in (self.patches, *self.streams):
-            each.close()
-        for each in (self.layer, *self.pools):
-            each.destroy()
+        for stream in self.streams:
+            stream.close()
+        self.easel.destroy()
+        self.drawer.destroy()
 
 
 @pytest.fixture
@@ -253,9 +265,9 @@ def test_panels_show_what_rays_from_the_eye_meet(stage: Any, clip: bool) -> None
     land = GridLand(hills(129, 129), (2.0, 2.5), leaf=32)
     display, look = one_panel(), TerrainLook()
     room = room_from_posts(land, display, EYE, LookAt(heading_deg=30, pitch_deg=35, range_m=150.0, exaggeration=1.5))
-    picture = stage(land, clip=clip)
+    picture = stage(land, look=look, clip=clip)
     picture.load(leaves(land))
-    drawn = picture.draw(display, room, leaves(land), look=look)
+    drawn = picture.draw(display, room, leaves(land))
     place, t = marched(land, display, room)
     seen = np.isfinite(t)
     assert 0.5 < seen.mean() < 1, "the view has land and sky"
@@ -263,7 +275,7 @@ def test_panels_show_what_rays_from_the_eye_meet(stage: Any, clip: bool) -> None
     both = seen & ~(drawn == MAGENTA).all(-1)
     expected = codes_of(plain_light(land, place[both], look, 1.5))
     close_to(drawn[both], expected, 3, 0.03)
-    depth = picture.layer.read_depth(picture.windows).astype(float)
+    depth = picture.drawer.read_depth(picture.view).astype(float)
     near = depth[both] * (t[both] * EYE[2])  # depth is near / w, and w grows along the ray from the panel on
     assert np.ptp(np.quantile(near, [0.02, 0.98])) < 0.003 * near.mean()
 
@@ -275,13 +287,13 @@ def test_what_pixels_merge_keeps_its_mean_light(stage: Any) -> None:
     look = TerrainLook("plain", altitude_deg=60)
     display, eye = one_panel((64, 64)), (0.0, 0.0, 1.0)
     room = overhead(land, 0.0075 * 2, 0.0, (0.5, 0.5), 1.0)  # two posts a pixel
-    picture = stage(land)
+    picture = stage(land, look=look)
     picture.load(leaves(land, 8))
     posts = np.stack(np.meshgrid(np.arange(193.0, 321.0), np.arange(193.0, 321.0)), axis=-1)
     expected = plain_light(land, np.dstack([posts, np.zeros(posts.shape[:2])]), look).mean(axis=(0, 1))
     spread = []
     for allowed in (0.5, 6.0):
-        drawn = picture.draw(display, room, leaves(land, 8), eyes=eye, look=look, allowed_px=np.array([allowed]))
+        drawn = picture.draw(display, room, leaves(land, 8), eyes=eye, allowed_px=allowed)
         light = linear_of_srgb(drawn / 255)
         np.testing.assert_allclose(light.mean(axis=(0, 1)), expected, rtol=0.02)
         spread.append(light[..., 1].std())
@@ -311,7 +323,7 @@ def crack_views(picture: Stage, rng: Any, views: int, controls: int) -> int:
         room = overhead(land, scale * across, turn, target, far_m)
         chosen = mixture(land, rng)
         drawn = picture.draw(display, room, chosen, eyes=eye)
-        lit = covered(picture.windows)
+        lit = covered(picture.view.panels)
         assert not (drawn[lit] == MAGENTA).all(-1).any(), f"a crack in view {number}"
         if number < controls:
             torn = picture.draw(display, room, chosen, eyes=eye, joined=False)[lit]
@@ -395,7 +407,7 @@ def test_nothing_jitters_far_from_the_rasters_corner(stage: Any) -> None:
         room = near_ground(land)
         picture = stage(land)
         picture.load(leaves(land), pages=np.empty(0, np.int64))
-        picture.pages = picture.pages._replace(relief=nothing(land), heights=nothing(land))
+        picture.pages = nothing(land), nothing(land)
         pictures.append(picture.draw(display, room, leaves(land)).astype(int))
     assert (pictures[0] != np.array(MAGENTA)).any(axis=-1).mean() > 0.4
     for other in pictures[1:]:
@@ -465,7 +477,7 @@ def test_land_is_seen_through_holes_in_what_is_before_it(stage: Any) -> None:
         picture.load(leaves(land))
         pictures.append(picture.draw(display, room, leaves(land), overlay="patches"))
         pictures.append(picture.draw(display, room, leaves(land)))
-        depths.append(picture.layer.read_depth(picture.windows))
+        depths.append(picture.drawer.read_depth(picture.view))
     sky = [(drawn == MAGENTA).all(-1) for drawn in pictures]
     np.testing.assert_array_equal(sky[0], sky[1], "drawn with its triangles or after them, land covers the same pixels")
     np.testing.assert_array_equal(sky[2], sky[3])
@@ -479,11 +491,10 @@ def test_a_draped_image_lies_where_its_map_says(stage: Any, memory_image: Any) -
     pixels = np.kron(rng.integers(0, 256, (9, 9, 3)), np.ones((8, 8, 1), int)).astype(np.uint8)
     # A quarter turn and a shift: texel x = 70 - row, texel y = column + 3.
     turned = np.array([[0.0, -1.0, 70.0], [1.0, 0.0, 3.0]])
-    picture = stage(land, drape=(memory_image(pixels), turned))
+    look = TerrainLook("drape", altitude_deg=90, ambient=0.0)
+    picture = stage(land, look=look, drape=(memory_image(pixels), turned))
     picture.load(leaves(land))
-    drawn = picture.draw(
-        display, room, leaves(land), eyes=ABOVE, look=TerrainLook("drape", altitude_deg=90, ambient=0.0)
-    )
+    drawn = picture.draw(display, room, leaves(land), eyes=ABOVE)
     y, x = np.mgrid[:64, :64] + 0.5  # posts at pixel centres
     texel_x, texel_y = 70 - y, x + 3
     inside = (texel_y % 8 > 0.9) & (texel_y % 8 < 7.1) & (texel_x % 8 > 0.9) & (texel_x % 8 < 7.1)
@@ -495,17 +506,19 @@ def test_contour_lines_follow_heights_and_every_fifth_is_stronger(stage: Any) ->
     land, display, room = flat_view()
     land.heights_m[:] = np.arange(65.0) * 0.1  # 10 px a metre
     land = GridLand(land.heights_m, leaf=32)
-    picture = stage(land)
-    picture.load(leaves(land))
-    look = TerrainLook("plain", contour_interval_m=1.0)
-    row = picture.draw(display, room, leaves(land), eyes=ABOVE, look=look)[32, :, 0].astype(int)
-    plain = picture.draw(display, room, leaves(land), eyes=ABOVE)[32, :, 0].astype(int)
+
+    def row_of(look: TerrainLook) -> Any:
+        picture = stage(land, look=look)
+        picture.load(leaves(land))
+        return picture.draw(display, room, leaves(land), eyes=ABOVE)[32, :, 0].astype(int)
+
+    row, plain = row_of(TerrainLook("plain", contour_interval_m=1.0)), row_of(TerrainLook("plain"))
     darker = plain - row
     lines = np.flatnonzero((darker > 20) & (darker >= np.roll(darker, 1)) & (darker > np.roll(darker, -1)))
     assert np.abs(lines - np.arange(0, 70, 10)).max() <= 1
     assert darker[48:52].sum() > 1.5 * darker[28:32].sum()
     dense = TerrainLook("plain", contour_interval_m=0.3)  # 3 px apart: only fifths are left, 15 px apart
-    faded = plain - picture.draw(display, room, leaves(land), eyes=ABOVE, look=dense)[32, :, 0]
+    faded = plain - row_of(dense)
     assert (faded > 20).sum() < 14
 
 
@@ -513,10 +526,9 @@ def test_water_and_tints_of_a_given_range(stage: Any) -> None:
     land, display, room = flat_view()
     land.heights_m[:] = np.arange(65.0)
     land = GridLand(land.heights_m, leaf=32)
-    picture = stage(land)
+    picture = stage(land, look=TerrainLook(ambient=1.0, sea_level_m=20.0, tint_range_m=(20.0, 30.0)))
     picture.load(leaves(land))
-    look = TerrainLook(ambient=1.0, sea_level_m=20.0, tint_range_m=(20.0, 30.0))
-    row = picture.draw(display, room, leaves(land), eyes=ABOVE, look=look)[32]
+    row = picture.draw(display, room, leaves(land), eyes=ABOVE)[32]
     sea, peak = np.array(list(bytes.fromhex(SEA))), codes_of(hypsometric_ramp()[-1])
     assert np.abs(row[5:15].astype(int) - sea).max() <= 1
     assert np.abs(row[40:60].astype(int) - peak).max() <= 1
@@ -542,14 +554,14 @@ def test_a_page_fades_in_over_the_coarser_one(stage: Any) -> None:
     land = GridLand(hills(513, 513, 4.0), leaf=128)
     display, look = one_panel((96, 96)), TerrainLook("plain", altitude_deg=90)
     room = room_from_posts(land, display, ABOVE, LookAt(pitch_deg=90, range_m=80.0, target=(0.3, 0.3)))
-    picture = stage(land)
+    picture = stage(land, look=look)
     picture.load(leaves(land))
-    table = picture.pages.relief
+    table, *others = picture.pages
     light = []
     for share in (0.0, 0.5, 1.0):
         fade = np.where(np.arange(len(table.fade)) == len(table.fade) - 1, 1.0, share).astype(np.float32)
-        picture.pages = picture.pages._replace(relief=table._replace(fade=fade))
-        light.append(linear_of_srgb(picture.draw(display, room, leaves(land), eyes=ABOVE, look=look) / 255))
+        picture.pages = table._replace(fade=fade), *others
+        light.append(linear_of_srgb(picture.draw(display, room, leaves(land), eyes=ABOVE) / 255))
     assert np.abs(light[2] - light[0]).max() > 0.02, "levels differ"
     np.testing.assert_allclose(light[1], (light[0] + light[2]) / 2, atol=0.01)
 
@@ -558,9 +570,8 @@ def test_overlays_tell_panels_and_patches_apart(stage: Any) -> None:
     land, display, room = flat_view()
     picture = stage(land)
     picture.load(leaves(land))
-    tints = panel_tints(np.array([2], np.int8), np.array([1.0]))
     drawn = picture.draw(display, room, leaves(land), eyes=ABOVE)
-    tinted = picture.draw(display, room, leaves(land), eyes=ABOVE, overlay="panels", tints=tints)
+    tinted = picture.draw(display, room, leaves(land), eyes=ABOVE, overlay="panels", seen=2)
     assert (tinted[..., 1].astype(int) - tinted[..., 0] > drawn[..., 1].astype(int) - drawn[..., 0] + 30).all()
     hues = picture.draw(display, room, leaves(land), eyes=ABOVE, overlay="patches")
     assert len({tuple(hues[y, x].tolist()) for y in (10, 50) for x in (10, 50)}) == 4, "four patches, four hues"
@@ -586,6 +597,4 @@ def test_what_cannot_be_drawn_is_refused(stage: Any) -> None:
     picture.load(leaves(land))
     picture.draw(display, room, leaves(land))
     with pytest.raises(ValueError, match="windows for 1 eyes were given 2"):
-        picture.layer.draw(
-            picture.windows, np.zeros((2, 3)), room, None, None, None, pages=None, allowed_px=None, look=None
-        )
+        QuiltView.of(picture.view.panels, np.zeros((2, 3)))

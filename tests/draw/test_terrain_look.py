@@ -19,6 +19,7 @@ from limen.errors import InputError
 from limen.gpu.shader import shader_text
 from limen.gpu.structs import wgsl_struct
 from limen.layers.terrain.look import TerrainLook, contour_interval_m, panel_tints, tint_range_m, toward_sun
+from limen.layers.terrain.selector import nearest_m
 from limen.viewing.projection import NEAR_M, QuiltPanels
 
 SHADERS = "terrain.wgsl", "terrain_clip.wgsl"
@@ -87,7 +88,7 @@ def test_no_box_is_nearer_than_the_near_plane_says(boxes: object, eye: object, t
     nodes = Nodes(rect, low_high, np.full((len(rows), 4), -1, np.int32), np.arange(len(rows) + 1), len(rows))
     room = np.eye(4)
     room[:3, :3] = 0.01 * np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    near = records.nearest_m(nodes, np.arange(len(rows)), room, np.array(eye))
+    near = nearest_m(nodes, np.arange(len(rows)), room, np.array(eye))
     shares = np.random.default_rng(0).random((200, 3))
     for (left, top, right, bottom), (low, high) in zip(rect.tolist(), low_high.tolist(), strict=True):
         places = np.array([left, top, low]) + shares * np.array([right - left, bottom - top, high - low])

@@ -7,17 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Picture
+from PIL import Image as Pillow
 
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -33,14 +32,16 @@ from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
 from limen.display.display import Display
 from limen.display.quilt import Quilt
-from limen.layers.common.room_placement import mesh_in_room
-from limen.layers.image.renderer import Renderer
-from limen.layers.mesh.renderer import SceneRenderer, Simplified
+from limen.frame.renderer import Renderer
+from limen.frame.report import FrameReport, Picture
+from limen.layers.base import Layer
+from limen.layers.common.room_placement import RoomPlacement
+from limen.layers.image.layer import ImageLayer
+from limen.layers.mesh.layer import MeshLayer
 from limen.layers.mesh.select import FoldTree
-from limen.layers.points.renderer import PointsRenderer
+from limen.layers.points.layer import PointsLayer
+from limen.layers.terrain.layer import Draped, TerrainLayer
 from limen.layers.terrain.look import TerrainLook
-from limen.layers.terrain.renderer import TerrainRenderer
-from limen.layers.terrain.resources import Draped
 from limen.layers.terrain.selector import TerrainSettings
 from limen.viewing.lens import Lens
 from limen.viewing.placement import LookAt, OnShape, OnSurface
@@ -75,10 +76,10 @@ VIEWER = Viewer((0.3, 1.5, 0.2), direction=(0, 0, -1), gaze=(-0.4, -0.1, -1.0))
 
 
 class Scene(NamedTuple):
-    """What is drawn: a picture for every panel or quilt, and the reports of how."""
+    """What is drawn: a picture for every panel or quilt."""
 
     columns: int
-    draw: Callable[[Any, Path], Iterable[tuple[str, Rgb, Any]]]
+    draw: Callable[[Any, Path], Iterable[Picture]]
 
 
 # ---------------------------------------------------------------------- contents
@@ -114,57 +115,60 @@ def _ball() -> Points:
 # ---------------------------------------------------------------------- kinds
 
 
-def _image(display: Display, placement: Any, policy: str = "acuity", **more: Any) -> Callable[..., Any]:
-    def draw(device: Any, folder: Path) -> Iterator[tuple[str, Rgb, Any]]:
-        with limen.open(_world(folder)) as image, Renderer(device, display, image, placement) as renderer:  # type: ignore[union-attr]
-            yield from renderer.pictures([VIEWER], Policy.parse(policy), **more)
+def _pictures(
+    device: Any, display: Display, layer: Layer, by: Literal["panels", "quilts"] = "panels", **more: Any
+) -> Iterator[Picture]:
+    with Renderer(device, display, [layer], **more) as renderer:
+        yield from renderer.pictures(renderer.state(0.0, viewers=(VIEWER,)), by=by)
+
+
+def _image(display: Display, placement: Any, policy: str = "acuity", overlay: str = "") -> Callable[..., Any]:
+    def draw(device: Any, folder: Path) -> Iterator[Picture]:
+        with limen.open(_world(folder)) as image:  # type: ignore[union-attr]
+            layer = ImageLayer(image, placement, Policy.parse(policy), overlay=overlay)
+            yield from _pictures(device, display, layer)
 
     return draw
 
 
-def _mesh(display: Display, policy: str = "full", *, quilts: bool = False, **more: Any) -> Callable[..., Any]:
-    def draw(device: Any, _folder: Path) -> Iterator[tuple[str, Rgb, Any]]:
-        left_out = None if policy == "full" else Simplified(_tree(), Policy.parse(policy))
-        with SceneRenderer(
-            device, display, _knot(), room_from_mesh=_stands(display), simplified=left_out, **more
-        ) as renderer:
-            yield from (renderer.quilt_pictures if quilts else renderer.pictures)(VIEWER)
-
-    return draw
-
-
-def _stands(display: Display) -> Any:
+def _mesh(display: Display, policy: str = "full", depth: Any = "panel", **more: Any) -> Callable[..., Any]:
     """Behind a wall, or inside of a room before its front."""
     at_m = (0.3, 1.5, -2.6) if display is not ROOM else (-1.6, 1.4, -1.0)
-    return mesh_in_room(_knot().bounds, display, size_m=1.6, at_m=at_m, turn_deg=20)
+    stands = RoomPlacement(size_m=1.6, at_m=at_m, turn_deg=20)
 
-
-def _terrain(display: Display, look_at: LookAt, policy: str = "acuity", **more: Any) -> Callable[..., Any]:
-    def draw(device: Any, folder: Path) -> Iterator[tuple[str, Rgb, Any]]:
-        settings = TerrainSettings(look_at=look_at, camera=more.get("camera", "window"))
-        look, land = more.get("look", TerrainLook()), Terrain.open(_hills(folder))
-        with limen.open(_world(folder)) as image:  # type: ignore[union-attr]
-            scale = [size / posts for size, posts in zip(image.size_px, land.size_posts, strict=True)]
-            lies = np.array([[scale[0], 0, 0], [0, scale[1], 0]])
-            with TerrainRenderer(
-                device, display, land, look=look, settings=settings, reference_m=VIEWER.position_m,
-                draped=Draped(image, lies) if look.colours == "drape" else None,
-            ) as renderer:  # fmt: skip
-                yield from renderer.pictures([VIEWER], Policy.parse(policy), overlay=more.get("overlay"))
+    def draw(device: Any, _folder: Path) -> Iterator[Picture]:
+        tree = None if policy == "full" else _tree()
+        layer = MeshLayer(_knot(), stands, Policy.parse(policy), tree, depth=depth)
+        yield from _pictures(device, display, layer, **more)
 
     return draw
 
 
-def _points(
-    display: Display, policy: str = "acuity", *, quilts: bool = False, overlay: Any = None, **more: Any
-) -> Callable[..., Any]:
-    stands = np.diag([1.2, 1.2, 1.2, 1.0])
-    stands[:3, 3] = (0.3, 1.5, -3.5) if display is not ROOM else (-3.2, 1.4, -2.0)
+def _terrain(
+    display: Display, look_at: LookAt, policy: str = "acuity", look: TerrainLook | None = None, overlay: str = "",
+    **more: Any,
+) -> Callable[..., Any]:  # fmt: skip
+    def draw(device: Any, folder: Path) -> Iterator[Picture]:
+        looks, land = look or TerrainLook(), Terrain.open(_hills(folder))
+        with limen.open(_world(folder)) as image:  # type: ignore[union-attr]
+            scale = [size / posts for size, posts in zip(image.size_px, land.size_posts, strict=True)]
+            draped = Draped(image, np.array([[scale[0], 0, 0], [0, scale[1], 0]]))
+            layer = TerrainLayer(
+                land, looks, TerrainSettings(look_at), Policy.parse(policy), VIEWER.position_m,
+                draped if looks.colours == "drape" else None, overlay,
+            )  # fmt: skip
+            yield from _pictures(device, display, layer, **more)
 
-    def draw(device: Any, _folder: Path) -> Iterator[tuple[str, Rgb, Any]]:
-        with PointsRenderer(device, display, _ball(), room_from_file=stands, **more) as renderer:
-            pictures = renderer.quilt_pictures if quilts else renderer.pictures
-            yield from pictures([VIEWER], Policy.parse(policy), overlay=overlay)
+    return draw
+
+
+def _points(display: Display, policy: str = "acuity", by: Any = "panels", **more: Any) -> Callable[..., Any]:
+    matrix = np.diag([1.2, 1.2, 1.2, 1.0])
+    matrix[:3, 3] = (0.3, 1.5, -3.5) if display is not ROOM else (-3.2, 1.4, -2.0)
+
+    def draw(device: Any, _folder: Path) -> Iterator[Picture]:
+        layer = PointsLayer(_ball(), RoomPlacement(matrix=matrix), Policy.parse(policy), **more)
+        yield from _pictures(device, display, layer, by)
 
     return draw
 
@@ -179,15 +183,15 @@ SCENES: dict[str, Scene] = {
     "image-shape": Scene(6, _image(WALL, OnShape("ellipsoid", (0.0, 1.5, 0.0), (6.0, 0.0, -6.0), (0.0, -9.0, 0.0)))),
     "mesh-wall": Scene(6, _mesh(WALL)),
     "mesh-room": Scene(6, _mesh(ROOM, "contrast+gaze")),
-    "mesh-turned": Scene(2, _mesh(TURNED, "acuity", quilts=True)),
+    "mesh-turned": Scene(2, _mesh(TURNED, "acuity", by="quilts")),
     "mesh-anaglyph": Scene(6, _mesh(WALL, "budget:2500", stereo="anaglyph", depth="shared")),
     "terrain-wall": Scene(6, _terrain(WALL, _CLOSE, "scheel")),
     "terrain-room": Scene(6, _terrain(ROOM, _CLOSE, look=TerrainLook(contour_interval_m=100.0))),
-    "terrain-turned": Scene(2, _terrain(TURNED, _CLOSE, "full", camera="fixed", overlay="patches")),
+    "terrain-turned": Scene(2, _terrain(TURNED, _CLOSE, "full", eye_m=VIEWER.position_m, overlay="patches")),
     "terrain-drape": Scene(6, _terrain(WALL, _FAR, look=TerrainLook("drape", 200.0, 30.0))),
     "points-wall": Scene(6, _points(WALL)),
     "points-room": Scene(6, _points(ROOM, "contrast+gaze", shape="square")),
-    "points-turned": Scene(2, _points(TURNED, "full", quilts=True, lit=True)),
+    "points-turned": Scene(2, _points(TURNED, "full", by="quilts", lit=True)),
     "points-simplified": Scene(6, _points(WALL, "budget:6000", overlay="simplified")),
 }
 
@@ -195,7 +199,7 @@ SCENES: dict[str, Scene] = {
 # ---------------------------------------------------------------------- pictures and reports
 
 
-def drawn(name: str, device: Any, folder: Path) -> tuple[Rgb, list[dict[str, Any]]]:
+def drawn(name: str, device: Any, folder: Path) -> tuple[Rgb, list[list[dict[str, Any]]]]:
     """A scene as one picture, and what is told of its quilts: all but times, and what was there before.
 
     Parameters
@@ -205,11 +209,12 @@ def drawn(name: str, device: Any, folder: Path) -> tuple[Rgb, list[dict[str, Any
     """
     scene = SCENES[name]
     pictures: dict[str, Rgb] = {}
-    reports: dict[int, dict[str, Any]] = {}
+    reports: dict[int, FrameReport] = {}
     for part, picture, report in scene.draw(device, folder):
         pictures[part] = picture[..., :3].copy()
-        reports.setdefault(id(report), told(report))
-    return _montage([pictures[part] for part in sorted(pictures, key=_place)], scene.columns), list(reports.values())
+        reports[id(report)] = report
+    whole = _montage([pictures[part] for part in sorted(pictures, key=_place)], scene.columns)
+    return whole, [told(report) for report in reports.values()]
 
 
 def _place(part: str) -> tuple[str, str]:
@@ -218,13 +223,16 @@ def _place(part: str) -> tuple[str, str]:
     return row, column.replace("left", "a")
 
 
-def told(report: Any) -> dict[str, Any]:
-    """A report as plain numbers, without times and uploads."""
-    fields = {each.name: getattr(report, each.name) for each in dataclasses.fields(report)}
-    numbers = {name: value for name, value in fields.items() if not name.endswith("_ms") and name != "uploads"}
-    return {
-        name: str(value) if isinstance(value, float) and math.isinf(value) else value for name, value in numbers.items()
-    }
+def told(report: FrameReport) -> list[dict[str, Any]]:
+    """A report as plain numbers, a row for every layer: without times, uploads and the names of contents."""
+    frame = {"number": report.number, "time_s": report.time_s, "scale": report.scale}
+    return [frame | _plain(row) for row in report.layers]
+
+
+def _plain(row: Any) -> dict[str, Any]:
+    fields = {each.name: getattr(row, each.name) for each in dataclasses.fields(row)}
+    kept = {name: each for name, each in fields.items() if not name.endswith("_ms") and name not in ("uploads", "name")}
+    return {name: list(each) if isinstance(each, tuple) else each for name, each in kept.items()}
 
 
 def _montage(pictures: list[Rgb], columns: int) -> Rgb:
@@ -238,9 +246,9 @@ def _montage(pictures: list[Rgb], columns: int) -> Rgb:
     return whole
 
 
-def kept(name: str) -> tuple[Rgb, list[dict[str, Any]]]:
+def kept(name: str) -> tuple[Rgb, list[list[dict[str, Any]]]]:
     """What was kept of a scene."""
-    with Picture.open(HERE / f"{name}.png") as picture:
+    with Pillow.open(HERE / f"{name}.png") as picture:
         return np.asarray(picture.convert("RGB")), json.loads(REPORTS.read_text())[name]
 
 
@@ -251,7 +259,7 @@ def _keep_all() -> None:
     with open_device() as device, tempfile.TemporaryDirectory() as folder:
         for name in SCENES:
             picture, reports[name] = drawn(name, device, Path(folder))
-            Picture.fromarray(picture).save(HERE / f"{name}.png", optimize=True)
+            Pillow.fromarray(picture).save(HERE / f"{name}.png", optimize=True)
             print(name, *picture.shape[1::-1])
     REPORTS.write_text(json.dumps(reports, indent=1) + "\n")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from hypothesis import strategies as st
 
 import limen
 from limen.data.pages import Pyramid
+from limen.display import files
 from limen.errors import InputError
 from limen.layers.common.page_detail import BLEND_LEVELS, KEPT
 from limen.layers.image.select import select, view_of
+from limen.typed_toml import typed
 from limen.viewing.placement import OnShape, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import tolerance_of
@@ -40,9 +43,7 @@ pitch_mm = {pitch_mm}
 centre_m = [1.2, 1.5, -1]
 facing = [-1, 0, 0.3]
 """
-    from limen.display import files
-
-    content = files._parse("room.toml", text)
+    content = typed(Path("room.toml"), text, files.DisplayFile)
     return limen.Display("room", files._panels(content))
 
 

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import msgspec
 import numpy as np
 import pytest
 from tests.select.test_image import pages_drawn, pixels, small_room
 
 import limen
 from limen.data.pages import Pyramid
+from limen.display.quilt import Quilt
+from limen.layers.image.layer import ImageLayer
 from limen.layers.image.select import flat_pairs, select, view_of
+from limen.stream.allocators import Slots
 from limen.viewing.lens import Lens, jacobian_of, source_of
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy
+from limen.viewing.projection import QuiltPanels, QuiltView
+from limen.viewing.state import FrameState, decode, encode
 from limen.viewing.tolerance import tolerance_of
 
 PYRAMID = Pyramid.of((60_000, 24_000))
@@ -102,3 +110,32 @@ def test_only_pages_that_are_seen_through_lenses_alone_are_left_out(name):
             span = 256 * 2 ** level[pair]
             shown = inside & (texels // span == (column[pair], row[pair])).all(axis=2)
             assert kept[pair] == bool((covered[shown] == 0).any()) or not shown.any()
+
+
+class Unread(NamedTuple):
+    """An image of which only the size is asked."""
+
+    pyramid: Pyramid = PYRAMID
+
+    def read_page(self, page):
+        raise AssertionError(f"page {page} is read")
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_what_lenses_reach_is_kept_while_messages_say_the_same(name):
+    display, first = limen.Display.window((640, 400)), OnSurface("cover", lenses=LENSES[name])
+    layer = ImageLayer(Unread(), first)
+    selector = layer.selector(display, display)
+    stream = selector.sources[0].stream(Slots(500), 2)
+    views = [QuiltView.of(QuiltPanels(display, Quilt((640, 400), (0,), ((0, 0),))), [])]
+    found = []
+    for placement in (first, first, OnSurface("cover", lenses=LENSES[name][::-1], zoom=1.5)):
+        state = msgspec.structs.replace(layer.state(0.0, display), placement=placement)
+        frame = decode(encode(FrameState(layers=(state,))))
+        cut = selector.select(views, frame.layers[0], frame, [stream.resident], live=True)
+        found.append(cut.parts[0].view)
+    stream.close()
+    selector.close()
+    assert found[0] is found[1]
+    assert found[0] is not found[2]
+    assert found[2].placement.zoom == 1.5

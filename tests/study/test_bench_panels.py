@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from limen.study import bench_panels
-from limen.study.bench_panels import DISPLAYS, Budget, PanelsRow, Point, aims, measure, points, stage
+from limen.study.bench_panels import Budget, PanelsRow, Point, aims, measure, points
 from limen.study.panels_plot import panels_picture
+from limen.study.panels_stage import DISPLAYS, stage
 
 pytestmark = pytest.mark.drawing
 

@@ -18,7 +18,8 @@ from limen.data.terrain.elevation import PostRect
 from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.errors import InputError
-from limen.layers.terrain.renderer import TerrainRenderer
+from limen.frame.renderer import Renderer
+from limen.layers.terrain.layer import TerrainLayer
 from limen.study import bench_terrain as bench
 from limen.study import terrain_frames
 from limen.study.bench_terrain import TerrainRow
@@ -110,8 +111,8 @@ def test_what_was_made_is_gone_afterwards(dem: Path) -> None:
 
 def test_no_place_in_view_is_drawn_farther_off_than_the_viewer_can_tell(terrain: Terrain) -> None:
     posts = posts_of(terrain)
-    choice, room_from_posts = choice_of(terrain, STAGE, ACUITY)
-    seen = displacement(terrain, posts, choice, room_from_posts)
+    choice = choice_of(terrain, STAGE, ACUITY)
+    seen = displacement(terrain, posts, choice)
     allowed_px = float(choice.allowed_px[0])
     assert seen.posts == 160 * 200 - 200  # all of the terrain is in view, and the void does not count
     assert seen.holes == 0
@@ -122,18 +123,20 @@ def test_no_place_in_view_is_drawn_farther_off_than_the_viewer_can_tell(terrain:
     column, row = next((x, y) for y in range(80, 160) for x in range(100, 200) if (x, y) not in vertices)
     bent = posts._replace(heights_m=posts.heights_m.copy())
     bent.heights_m[row, column] += 500
-    assert displacement(terrain, bent, choice, room_from_posts).error_px > allowed_px
+    assert displacement(terrain, bent, choice).error_px > allowed_px
 
 
 @pytest.mark.gpu
 def test_the_triangles_that_are_measured_are_as_many_as_are_drawn(device: Any, terrain: Terrain) -> None:
     from limen.study.triangulations import drawn
 
-    choice, _ = choice_of(terrain, STAGE, ACUITY)
+    choice = choice_of(terrain, STAGE, ACUITY)
     patches = [terrain.read_patch(int(patch)) for patch in choice.cut.pair_patch]
-    with TerrainRenderer(device, STAGE.display, terrain, reference_m=STAGE.viewer.position_m) as renderer:
-        reports = [report for _, _, report in renderer.pictures([STAGE.viewer], ACUITY)]
-    assert reports[0].triangles == len(drawn(patches, terrain.size_posts))
+    layer = TerrainLayer(terrain, policy=ACUITY, reference_m=STAGE.viewer.position_m)
+    with Renderer(device, STAGE.display, [layer]) as renderer:
+        frame = renderer.state(0.0, viewers=(STAGE.viewer,))
+        reports = [report for _, _, report in renderer.pictures(frame)]
+    assert reports[0].layers[0].drawn == len(drawn(patches, terrain.size_posts))
     assert reports[0].missing == 0
 
 
@@ -161,9 +164,11 @@ def test_both_draw_the_same_view(device: Any, terrain: Terrain) -> None:
 
     display, viewer = STAGE
     posts = posts_of(terrain)
-    _, room_from_posts = choice_of(terrain, STAGE, ACUITY)
-    with TerrainRenderer(device, display, terrain, look=LOOK, reference_m=viewer.position_m) as renderer:
-        ours = next(iter(renderer.pictures([viewer], ACUITY)))[1][..., 0].astype(float)
+    room_from_posts = choice_of(terrain, STAGE, ACUITY).room_from_posts
+    with Renderer(
+        device, display, [TerrainLayer(terrain, LOOK, policy=ACUITY, reference_m=viewer.position_m)]
+    ) as renderer:
+        ours = next(iter(renderer.pictures(renderer.state(0.0, viewers=(viewer,))))).pixels[..., 0].astype(float)
     eye_m = np.array(viewer.position_m)
     grid = FullGrid(posts, room_from_posts, display.panels[0], eye_m, hillshade(posts, LOOK))
     grid.draw()

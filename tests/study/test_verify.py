@@ -14,7 +14,8 @@ from PIL import Image as Picture
 from limen.data.image.file import Image, open_image
 from limen.display.display import Display
 from limen.errors import InputError, PageError
-from limen.layers.image.renderer import Renderer
+from limen.frame.renderer import Renderer
+from limen.layers.image.layer import ImageLayer
 from limen.layers.image.select import view_of
 from limen.study.charts import chart
 from limen.study.observer import Observer, Verdict
@@ -54,15 +55,16 @@ def windows(page: Image, wall: Display) -> list[Window]:
 def test_a_window_is_drawn_as_its_panel_would_show_it(
     page: Image, wall: Display, windows: list[Window], device: Any
 ) -> None:
-    policy = Policy("acuity", distance_factor=2.0)
+    layer = ImageLayer(page, ONE_TO_ONE, Policy("acuity", distance_factor=2.0))
     viewers = windows[0].viewers
-    with Renderer(device, wall, page, ONE_TO_ONE) as renderer:
-        ((_, whole, _),) = renderer.pictures(viewers, policy)
+    with Renderer(device, wall, [layer]) as renderer:
+        ((_, whole, _),) = renderer.pictures(renderer.state(0.0, viewers=viewers))
         whole = whole.copy()
     cut = wall.cut_outs([(str(number), window.panel, window.rect_px) for number, window in enumerate(windows)])
-    with Renderer(device, cut, page, ONE_TO_ONE) as renderer:
+    with Renderer(device, cut, [layer]) as renderer:
+        frame = renderer.state(0.0, viewers=viewers)
         for number, window in enumerate(windows):
-            ((name, part, _),) = renderer.pictures(viewers, policy, panels=[number])
+            ((name, part, _),) = renderer.pictures(frame, panels=[number])
             assert name == str(number)
             left, top, right, bottom = (int(side) for side in window.rect_px)
             np.testing.assert_allclose(part.astype(int), whole[top:bottom, left:right], atol=1)

@@ -56,7 +56,7 @@ _TAKES = {
     "ingest": "one file and the name of what to make of it",
     "display": "one display at a time",
     "walk": "one session file to write",
-    "show": "one content at a time (several cannot be shown together yet)",
+    "show": "contents, or one show file",
     "traffic": "one content at a time",
     "verify": "one content at a time",
     "calibrate boards": "options alone",

@@ -18,7 +18,7 @@ from limen.viewing.standing import standing_viewer
 from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
 if TYPE_CHECKING:
-    from limen.show.live import Tour
+    from limen.show.show import Tour
     from limen.track.session import Session
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]

@@ -9,20 +9,15 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args, get_type_hints
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args, get_type_hints
 
 from cyclopts import Parameter
 
 from limen.errors import InputError
 
-if TYPE_CHECKING:
-    from limen.data.image.file import Image
-    from limen.data.mesh.mesh import Mesh
-    from limen.data.points.file import Points
-    from limen.data.terrain.file import Terrain
-
 __all__ = [
     "KINDS",
+    "OF_SHOW_FILES",
     "SHOW",
     "TRAFFIC",
     "VERIFY",
@@ -31,7 +26,6 @@ __all__ = [
     "Kind",
     "Way",
     "given_options",
-    "kind_of",
     "kinds_table",
     "noun_of",
     "refuse_kind",
@@ -99,12 +93,10 @@ SHOW: dict[str, Heard] = {
     "--seen-from": Heard(("mesh", "points", "terrain"), ("files",)),
     "--window": Heard(ways=("wall", "outputs")),
     "--seconds": Heard(ways=_WINDOWS),
-    **dict.fromkeys(("--size-m", "--at", "--up", "--turn-deg", "--tilt-deg", "--animate", "--background"), _STANDS),
-    "--stereo": _MESH,
+    **dict.fromkeys(("--size-m", "--at", "--up", "--turn-deg", "--tilt-deg", "--animate"), _STANDS),
+    **dict.fromkeys(("--background", "--stereo"), Heard(("mesh", "points", "terrain"))),
     "--depth": _MESH,
-    "--write": Heard(
-        ("image", "mesh", "points"), ("files",), "of terrains, pictures of every panel are written, and no quilts"
-    ),
+    "--write": Heard(ways=("files",)),
     **dict.fromkeys((*_LOOKED_AT, *_LOOKS), _TERRAIN),
     "--splats": _POINTS,
     "--lit": _POINTS,
@@ -113,6 +105,12 @@ SHOW: dict[str, Heard] = {
     ),
 }
 """Options of ``limen show``, in the order of its help."""
+
+OF_SHOW_FILES = (
+    "--display", "--panels", "--session", "--viewer", "--gaze", "--out", "--frames", "--scale", "--format",
+    "--simulate", "--seen-from", "--write", "--window", "--seconds",
+)  # fmt: skip
+"""Options of ``limen show`` that are heard with a show file, which says all else."""
 
 _COUNTED = Heard((*KINDS, "one-to-one"))
 _PAGES = Heard(("image", "one-to-one"))
@@ -186,16 +184,6 @@ def _typed(name: str, hint: Any) -> str:
     return "--" + name.replace("_", "-")
 
 
-def kind_of(content: Image | Mesh | Points | Terrain) -> Kind:
-    """What an opened file is, by the word that tables here have for it."""
-    from limen.data.image.file import Image
-    from limen.data.mesh.mesh import Mesh
-
-    if isinstance(content, Image | Mesh):
-        return "image" if isinstance(content, Image) else "mesh"
-    return "points" if content.kind == "points" else "terrain"
-
-
 def refuse_way(table: Mapping[str, Heard], given: Iterable[str], way: Way) -> None:
     """Refuse options that would be ignored in the way that content is to be shown.
 
@@ -209,8 +197,8 @@ def refuse_way(table: Mapping[str, Heard], given: Iterable[str], way: Way) -> No
             raise InputError(f"{option} {_NEEDS[table[option].ways]}")
 
 
-def refuse_kind(table: Mapping[str, Heard], given: Iterable[str], kind: Kind) -> None:
-    """Refuse options that are not for a kind of content.
+def refuse_kind(table: Mapping[str, Heard], given: Iterable[str], *kinds: Kind) -> None:
+    """Refuse options that are for no content of these kinds.
 
     Raises
     ------
@@ -219,9 +207,10 @@ def refuse_kind(table: Mapping[str, Heard], given: Iterable[str], kind: Kind) ->
     """
     for option in given:
         heard = table[option]
-        if kind not in heard.kinds:
+        if not set(kinds) & set(heard.kinds):
             why = f": {heard.unless}" if heard.unless else f", which is for {_listed(heard.kinds)}"
-            raise InputError(f"this content is {noun_of(kind)}: leave out {option}{why}")
+            what = " and ".join(dict.fromkeys(noun_of(kind) for kind in kinds))
+            raise InputError(f"this content is {what}: leave out {option}{why}")
 
 
 def noun_of(kind: Kind) -> str:

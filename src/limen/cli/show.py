@@ -22,12 +22,12 @@ __all__ = ["show"]
 
 
 def show(
-    content: Annotated[
-        Path,
+    contents: Annotated[
+        list[Path],
         Parameter(
-            help="An image (a pyramid of any size, or anything smaller), a mesh (PLY, OBJ, glTF, STL, ...), a terrain "
-            "(GeoTIFF and all that GDAL reads) or points (LAS, LAZ, COPC, PLY, E57); large ones as `limen ingest` made "
-            "them ready."
+            help="What is shown: an image (a pyramid of any size, or anything smaller), a mesh (PLY, OBJ, glTF, STL, "
+            "...), a terrain (GeoTIFF and all that GDAL reads) or points (LAS, LAZ, COPC, PLY, E57); large ones as "
+            "`limen ingest` made them ready. Several are layers of one picture. Or a show file (.toml)."
         ),
     ],
     /,
@@ -80,4 +80,4 @@ def show(
     from limen.cli.show_content import ShowOptions, show_content  # renderers, which no help text needs
 
     wishes = ShowOptions(policy, acuity_arcmin, fit, max_triangles, mesh, terrain, points, lenses)
-    show_content(Output(common), content, asked, wishes, given, out)
+    show_content(Output(common), contents, asked, wishes, given, out)

@@ -1,48 +1,41 @@
-"""What ``limen show`` does with what was asked for, by the kind of content."""
+"""What ``limen show`` does with what was asked for: layers of all contents, in windows or into files."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 from limen.cli.arguments import refuse_acuity
-from limen.cli.asked import Asked, Overlays
-from limen.cli.heard import SHOW, Kind, kind_of, noun_of, refuse_kind
+from limen.cli.asked import Asked
+from limen.cli.heard import OF_SHOW_FILES, SHOW, Kind, refuse_kind
 from limen.cli.options.lenses import LensOptions
 from limen.cli.options.mesh import MeshOptions
 from limen.cli.options.points import PointsOptions
 from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
-from limen.cli.show_image import image_row, print_image_rows, write_image_frames
-from limen.cli.show_live import say_who, show_live
-from limen.cli.show_mesh import check_files, check_quilts, mesh_row, print_mesh_rows, simplified_mesh, write_mesh_frames
-from limen.cli.show_points import show_points
-from limen.cli.show_terrain import opened_content, print_terrain_rows, terrain_row, write_terrain_frames
-from limen.data.image.file import Image
-from limen.data.mesh.mesh import Mesh
+from limen.cli.show_files import check_written, frame_row, print_rows, write_frames
+from limen.data.opening import open_content
+from limen.display.display import Display
 from limen.errors import InputError
-from limen.layers.image.draw.drawer import Overlay
-from limen.layers.mesh.draw.drawer import SceneOverlay
-from limen.layers.mesh.renderer import SceneReport, Simplified
-from limen.layers.terrain.draw.drawer import TerrainOverlay
-from limen.layers.terrain.renderer import TerrainReport
-from limen.layers.terrain.resources import Draped
-from limen.show.image_stage import ImageExhibit
-from limen.show.live import LiveSettings, run_live
-from limen.show.stage import MeshExhibit
-from limen.show.terrain_stage import TerrainExhibit
+from limen.layers.base import Layer
+from limen.layers.image.layer import ImageLayer
+from limen.layers.mesh.select import FoldTree
+from limen.layers.registry import KINDS, kind_of
+from limen.layers.terrain.layer import TerrainLayer
+from limen.show.live import run_live
+from limen.show.live_outputs import run_live_outputs
+from limen.show.live_scene import run_live_scene
+from limen.show.show import Show
+from limen.show.show_file import is_show_file, open_show
 from limen.viewing.placement import Fit, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.standing import standing_viewer
 from limen.viewing.tolerance import tolerance_of
+from limen.viewing.viewer import Viewer
 
-if TYPE_CHECKING:
-    from limen.data.points.file import Points
-    from limen.data.terrain.file import Terrain
-
-__all__ = ["ShowOptions", "show_content"]
+__all__ = ["ShowOptions", "opened_content", "show_content"]
 
 
 class ShowOptions(NamedTuple):
@@ -59,14 +52,14 @@ class ShowOptions(NamedTuple):
 
 
 def show_content(
-    out: Output, path: Path, asked: Asked, wishes: ShowOptions, given: Sequence[str], folder: Path | None
+    out: Output, paths: Sequence[Path], asked: Asked, wishes: ShowOptions, given: Sequence[str], folder: Path | None
 ) -> None:
-    """Draw content of any kind in windows, or into a folder.
+    """Draw contents of any kind in windows, or into a folder.
 
     Parameters
     ----------
     given
-        The options that people gave, as they typed them: those that are not for this kind of content are refused.
+        The options that people gave, as they typed them: those that are for none of these kinds of content are refused.
 
     Raises
     ------
@@ -74,67 +67,134 @@ def show_content(
         For options that are not for this kind of content, or would change nothing.
     """
     with ExitStack() as stack:
-        opened = _opened(out, path, stack)
-        kind = kind_of(opened)
-        refuse_kind(SHOW, given, kind)
-        _refuse_overlay(kind, asked.overlay)
-        policy = _policy(kind, wishes, in_files=folder is not None, acuity_given="--acuity-arcmin" in given)
-        _check_looking(kind, asked, policy, wishes.terrain)
-        _draw(opened, asked, wishes, policy, folder, out, stack)
+        if any(is_show_file(path) for path in paths):
+            show = _show_of_file(out, paths, asked, given, stack)
+        else:
+            show = _show_of_contents(out, paths, asked, wishes, given, stack, in_files=folder is not None)
+        _refuse_unheard(show, asked)
+        if folder is not None and asked.shown is not None:
+            check_written(show, asked.shown, asked, wishes.mesh.write)
+            _say_what_is_told(show, asked, out)
+            rows = write_frames(out, show, asked.shown, asked, folder, wishes.mesh.write)
+            print_rows(out, rows, folder)
+        else:
+            show.check_one_picture()
+            last = _show_live(show, asked, out)
+            rows = [] if last is None else [frame_row(last)]
+        out.result({"frames": rows})
 
 
-def _opened(out: Output, path: Path, stack: ExitStack) -> Image | Mesh | Points | Terrain:
+def _show_of_contents(
+    out: Output,
+    paths: Sequence[Path],
+    asked: Asked,
+    wishes: ShowOptions,
+    given: Sequence[str],
+    stack: ExitStack,
+    *,
+    in_files: bool,
+) -> Show:
+    """Contents as layers, by the options of their kinds."""
+    contents = [_opened(out, path, stack) for path in paths]
+    kinds = cast("list[Kind]", [content.kind for content in contents])
+    refuse_kind(SHOW, given, *kinds)
+    acuity_given = "--acuity-arcmin" in given
+    policies = [_policy(kind, wishes, in_files=in_files, acuity_given=acuity_given) for kind in kinds]
+    _check_looking(kinds, asked, policies, wishes.terrain)
+    makers = [_Maker(out, asked, wishes, policy, stack) for policy in policies]
+    layers = tuple(maker.layer(content) for maker, content in zip(makers, contents, strict=True))
+    fixed = "terrain" in kinds and wishes.terrain.camera == "fixed"
+    return Show(
+        layers, asked.whole, stereo=wishes.mesh.stereo, background=wishes.mesh.light,
+        eye_m=_reference_m(asked) if fixed else None, pointers=asked.pointers(),
+    )  # fmt: skip
+
+
+def _show_of_file(out: Output, paths: Sequence[Path], asked: Asked, given: Sequence[str], stack: ExitStack) -> Show:
+    """What a show file says; raises InputError for options that it says, too."""
+    if len(paths) > 1:
+        raise InputError("a show file says all that is shown: give it alone, or name the other contents in it")
+    for option in given:
+        if option not in OF_SHOW_FILES:
+            raise InputError(f"{option} is said in a show file, for each layer: leave it out")
+    with out.progress("opening what is shown", 1000) as step:
+        show = open_show(paths[0], asked.whole, stack, lambda _, done: step.to(round(1000 * done)))
+    show.pointers = asked.pointers()
+    return show
+
+
+def opened_content(out: Output, path: str | Path) -> Any:
+    """Open a file as what it is, with a bar while heights or points are made ready."""
+    with out.progress(f"making {Path(path).name} ready", 1000) as step:
+        return open_content(path, progress=lambda done: step.to(round(1000 * done)))
+
+
+def _opened(out: Output, path: Path, stack: ExitStack) -> Any:
     """Open content; an image is closed with the stack, also where it is refused."""
     opened = opened_content(out, path)
-    if isinstance(opened, Image):
-        stack.enter_context(opened)
+    if hasattr(opened, "close"):
+        stack.callback(opened.close)
     return opened
 
 
-def _draw(
-    opened: Image | Mesh | Points | Terrain,
-    asked: Asked,
-    wishes: ShowOptions,
-    policy: Policy,
-    folder: Path | None,
-    out: Output,
-    stack: ExitStack,
-) -> None:
-    """Draw content by what it is."""
-    if isinstance(opened, Image):
-        placement = OnSurface(
-            wishes.fit or "contain", lenses=wishes.lenses.lenses(), tessellation=wishes.lenses.tessellation
-        )
-        _show_image(opened, asked, policy, placement, wishes, folder, out)
-    elif isinstance(opened, Mesh):
-        _show_mesh(opened, simplified_mesh(out, opened, policy), asked, wishes.mesh, folder, out)
-    elif opened.kind == "points":
-        show_points(cast("Points", opened), asked, wishes.mesh, wishes.points, policy, folder, out)
-    else:
-        land = cast("Terrain", opened)
-        draped = stack.enter_context(wishes.terrain.draped(land))
-        exhibit = _exhibit(land, asked, wishes.terrain, wishes.max_triangles, policy, draped)
-        _show_terrain(exhibit, asked, folder, out)
+class _Maker(NamedTuple):
+    """Makes layers of contents, each by the options of its kind."""
+
+    out: Output
+    asked: Asked
+    wishes: ShowOptions
+    policy: Policy
+    stack: ExitStack
+
+    def layer(self, content: Any) -> Layer:
+        """Raises InputError for what its kind cannot be shown as."""
+        overlay = self._overlay(content.kind)
+        make = {"image": self._image, "mesh": self._mesh, "points": self._points, "terrain": self._terrain}
+        return make[content.kind](content, overlay)
+
+    def _overlay(self, kind: str) -> str:
+        word = "" if self.asked.overlay == "none" else self.asked.overlay
+        if word and word not in KINDS[kind].overlays:
+            raise InputError(
+                f"--overlay {word} is not for {KINDS[kind].noun}: give --overlay {' or '.join(KINDS[kind].overlays)}"
+            )
+        return word
+
+    def _image(self, image: Any, overlay: str) -> Layer:
+        lenses = self.wishes.lenses
+        placement = lenses.placement(self.wishes.fit or "contain")
+        return ImageLayer(image, placement, self.policy, lenses.moving(), overlay=overlay)
+
+    def _mesh(self, mesh: Any, overlay: str) -> Layer:
+        tree = None
+        if self.policy.name != "full":
+            from limen.data.mesh.store import tree_of  # Numba and SciPy take a second
+
+            with self.out.progress("joining vertices to a tree", 1) as step:
+                tree = FoldTree(tree_of(mesh))
+                step(1)
+        return self.wishes.mesh.layer(mesh, self.policy, overlay, tree)
+
+    def _points(self, points: Any, overlay: str) -> Layer:
+        return self.wishes.points.layer(points, self.wishes.mesh, self.policy, overlay)
+
+    def _terrain(self, terrain: Any, overlay: str) -> Layer:
+        options = self.wishes.terrain
+        draped = self.stack.enter_context(options.draped(terrain))
+        return TerrainLayer(
+            terrain, options.look(), options.settings(self.wishes.max_triangles), self.policy,
+            _reference_m(self.asked), draped, overlay,
+        )  # fmt: skip
 
 
-_OVERLAYS: dict[Kind, tuple[Overlays, ...]] = {
-    "image": ("levels", "error"),
-    "mesh": ("panels", "simplified"),
-    "points": ("panels", "simplified"),
-    "terrain": ("panels", "patches"),
-}
-
-
-def _refuse_overlay(kind: Kind, overlay: Overlays) -> None:
-    if overlay not in ("none", *_OVERLAYS[kind]):
-        raise InputError(
-            f"--overlay {overlay} is not for {noun_of(kind)}: give --overlay {' or '.join(_OVERLAYS[kind])}"
-        )
+def _reference_m(asked: Asked) -> tuple[float, float, float]:
+    """The eye that terrains stand before; a window that is itself the display is looked at from its own."""
+    return standing_viewer(asked.whole).position_m if asked.whole else (0.0, 0.0, 0.0)
 
 
 def _policy(kind: Kind, wishes: ShowOptions, *, in_files: bool, acuity_given: bool) -> Policy:
     """The policy asked for, if content of this kind can be drawn by it."""
-    text = wishes.policy or ("full" if kind == "mesh" else "acuity")
+    text = wishes.policy or KINDS[kind].default_policy
     if acuity_given:
         refuse_acuity([text])
     policy = Policy.parse(text, wishes.acuity_arcmin)
@@ -143,117 +203,62 @@ def _policy(kind: Kind, wishes: ShowOptions, *, in_files: bool, acuity_given: bo
     return policy.timeless if in_files else policy
 
 
-def _check_looking(kind: Kind, asked: Asked, policy: Policy, terrain: TerrainOptions) -> None:
+def _check_looking(kinds: Sequence[Kind], asked: Asked, policies: Sequence[Policy], terrain: TerrainOptions) -> None:
     """Refuse to be told where viewers look, or how that is measured, where nothing depends on it."""
-    if kind != "terrain" and asked.gaze and not policy.gaze:
-        raise InputError(
-            f"--gaze changes nothing under the policy {policy.title}: give one with +gaze, as --policy contrast+gaze"
-        )
+    if "terrain" not in kinds:
+        if asked.gaze and not any(policy.gaze for policy in policies):
+            raise InputError(
+                f"--gaze changes nothing under the policy {policies[0].title}: give one with +gaze, as --policy "
+                "contrast+gaze"
+            )
+        return
     told = [option for option, given in (("--gaze", asked.gaze), ("--rule", terrain.rule != "exact")) if given]
-    if told and kind == "terrain" and (policy.name, terrain.field_deg) == ("full", None) and asked.overlay != "panels":
+    policy = policies[kinds.index("terrain")]
+    if told and (policy.name, terrain.field_deg) == ("full", None) and asked.overlay != "panels":
         raise InputError(f"{told[0]} changes nothing under the policy full: give another --policy, or --field-deg")
 
 
-def _show_mesh(
-    content: Mesh, simplified: Simplified | None, asked: Asked, options: MeshOptions, folder: Path | None, out: Output
-) -> None:
-    settings, shown, overlay = options.settings(asked.whole), asked.shown, _scene_overlay(asked, simplified)
-    if folder is None or shown is None:
-        last = show_live(MeshExhibit(content, settings, simplified, overlay), asked, out)
-        out.result({"frames": [mesh_row(SceneReport.of(last), [])] if last else []})
-        return
-    check_quilts(options, shown, asked.files.scale)
-    moments = asked.moments()
-    say_who(moments[0], out)
-    if simplified is not None:
-        asked.say_scale(out)
-    drawn = write_mesh_frames(
-        out, content, shown.scaled(asked.files.scale), moments, options.write, settings, folder,
-        asked.files.picture_format, simplified=simplified, overlay=overlay, simulate=asked.files.simulate,
-        seen_from=asked.files.seen_from,
-    )  # fmt: skip
-    rows = [mesh_row(report, files) for report, files in drawn]
-    print_mesh_rows(out, rows, folder)
-    out.result({"frames": rows})
-
-
-def _scene_overlay(asked: Asked, simplified: Simplified | None) -> SceneOverlay | None:
-    if asked.overlay == "simplified" and simplified is None:
-        raise InputError("--overlay simplified shows what a policy leaves out: give --policy, as contrast+gaze")
-    return None if asked.overlay == "none" else "simplified" if asked.overlay == "simplified" else "panels"
-
-
-def _exhibit(
-    content: Terrain, asked: Asked, options: TerrainOptions, max_triangles: int | None, policy: Policy,
-    draped: Draped | None,
-) -> TerrainExhibit:  # fmt: skip
-    reference_m = standing_viewer(asked.whole).position_m if asked.whole else (0.0, 0.0, 0.0)
-    overlay: TerrainOverlay = "patches" if asked.overlay == "patches" else "panels"
-    return TerrainExhibit(
-        content, options.look(), options.settings(max_triangles), policy, reference_m, asked.whole, draped,
-        asked.pointers(), overlay,
-    )  # fmt: skip
-
-
-def _show_terrain(exhibit: TerrainExhibit, asked: Asked, folder: Path | None, out: Output) -> None:
-    shown = asked.shown
-    if folder is None or shown is None:
-        last = show_live(exhibit, asked, out)
-        out.result({"frames": [terrain_row(TerrainReport.of(last), [])] if last else []})
-        return
-    asked.say_scale(out)
-    drawn = write_terrain_frames(
-        out, exhibit, shown.scaled(asked.files.scale), asked.moments(), folder, asked.files.picture_format,
-        overlay=None if asked.overlay == "none" else exhibit.overlay, simulate=asked.files.simulate,
-        seen_from=asked.files.seen_from,
-    )  # fmt: skip
-    rows = [terrain_row(report, files) for report, files in drawn]
-    print_terrain_rows(out, rows, folder)
-    out.result({"frames": rows})
-
-
-def _show_image(
-    content: Image, asked: Asked, policy: Policy, placement: OnSurface, wishes: ShowOptions, folder: Path | None,
-    out: Output,
-) -> None:  # fmt: skip
-    shown = asked.shown
-    overlay: Overlay | None = "levels" if asked.overlay == "levels" else "error" if asked.overlay == "error" else None
-    moves = wishes.lenses.moves()
-    if moves.carried:
-        # A session is made or read only where it is wanted.
-        moves = moves._replace(pointers=asked.pointers())
-    if moves.carried and not moves.pointers(0.0):
+def _refuse_unheard(show: Show, asked: Asked) -> None:
+    """Refuse lenses that pointers carry where nobody points."""
+    carried = any(isinstance(layer, ImageLayer) and _carries(layer) for layer in show.layers)
+    if carried and not show.pointers(0.0):
         raise InputError(
             "--lens pointer,...: nobody points: give a --session with pointers (limen walk --pointers 1 makes one)"
         )
-    if asked.windows.window == "eye":
-        raise InputError(
-            "--window eye is not built of images, which are shown as they lie on a wall: give outputs, or leave it out"
-        )
+
+
+def _carries(layer: ImageLayer) -> bool:
+    return isinstance(layer.placement, OnSurface) and bool(layer.placement.carried)
+
+
+def _say_what_is_told(show: Show, asked: Asked, out: Output) -> None:
+    """Say whose eyes pictures are right for, and of which panels reports tell."""
+    for_one = [kind_of(layer).noun for layer in show.layers if not kind_of(layer).on_panels]
+    if not for_one:
+        return
+    asked.say_scale(out)
+    if show.eye_m is None:
+        _say_who(asked.moments()[0], for_one[0], out)
+
+
+def _say_who(viewers: Sequence[Viewer], noun: str, out: Output) -> None:
+    """Say whose eyes a picture is right for, where there are several."""
+    if len(viewers) > 1:
+        name = f" ('{viewers[0].name}')" if viewers[0].name else ""
+        out.say(f"{noun} is drawn for one viewer: the first of {len(viewers)}{name}")
+
+
+def _show_live(show: Show, asked: Asked, out: Output) -> Any:
+    """Show it in windows until they are closed; the last frame's report."""
+    shown, seconds = asked.shown, asked.windows.seconds
+    if asked.windows.window is None and len(show.layers) == 1 and isinstance(show.layers[0], ImageLayer):
+        tour = asked.tour() if shown or asked.gaze else None
+        return run_live(show.layers[0], shown, tour, out.say, pointers=show.pointers, seconds=seconds)
+    who = asked.tour() if asked.session and shown else asked.stander()
+    if not isinstance(who, Viewer) and show.eye_m is None:
+        _say_who(who(0.0), kind_of(show.layers[0]).noun, out)
+    overlay = asked.overlay != "none"
     if asked.windows.window == "outputs":
-        exhibit = ImageExhibit(content, policy, placement, moves, overlay or "levels")
-        last = show_live(exhibit, asked, out)  # of every quilt the same
-        out.result({"frames": [image_row(last[0].report, [])] if last else []})
-        return
-    if folder is None or shown is None:
-        settings = LiveSettings(
-            policy,
-            placement,
-            overlay=overlay,
-            seconds=asked.windows.seconds,
-            moves=moves,
-        )
-        shown_last = run_live(content, shown, asked.tour() if shown or asked.gaze else None, settings, out.say)
-        out.result({"frames": [image_row(shown_last, [])] if shown_last else []})
-        return
-    check_quilts(wishes.mesh, shown, asked.files.scale)
-    check_files(shown, wishes.mesh.write, ("room", "surface") if asked.files.simulate else ())
-    rows = list(
-        write_image_frames(
-            out, content, shown, asked.moments(), policy, placement, folder, asked.files.picture_format,
-            scale=asked.files.scale, overlay=overlay, simulate=asked.files.simulate, moves=moves,
-            write=wishes.mesh.write,
-        )
-    )  # fmt: skip
-    print_image_rows(out, rows, folder)
-    out.result({"frames": rows})
+        assert isinstance(shown, Display)  # refused before anything is opened
+        return run_live_outputs(show, shown, who, out.say, overlay=overlay, seconds=seconds)
+    return run_live_scene(show, shown, who, out.say, overlay=overlay, seconds=seconds)

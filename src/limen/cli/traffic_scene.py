@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from limen.cli.output import Output
-from limen.cli.show_mesh import visible_from
+from limen.cli.show_files import visible_from
 from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
-from limen.show.stage import SceneSettings
+from limen.layers.registry import layer_of
 from limen.study.traffic import frames_of
 from limen.track.session import Session
+from limen.viewing.placement import InRoom
 from limen.viewing.policy import Policy
 
 if TYPE_CHECKING:
@@ -35,10 +36,9 @@ def scene_traffic(
     """Count and print; the content stands where `limen show` puts it on the whole display."""
     from limen.study.scene_traffic import count_scene_traffic  # Zarr and SciPy take a second
 
-    settings = SceneSettings()
-    if not isinstance(content, Mesh):
-        settings = SceneSettings(up=content.up, tilt_deg=content.tilt_deg)
-    stands = settings.standing_in(whole).room_from_mesh(content, whole)
+    placement = layer_of(content).state(0.0, whole).placement
+    assert isinstance(placement, InRoom)
+    stands = placement.matrix
     with out.progress(f"counting {'triangles' if isinstance(content, Mesh) else 'splats'}",
                       frames_of(sessions, rate_hz)) as step:  # fmt: skip
         traffic = count_scene_traffic(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
-from limen.cli.show_terrain import opened_content
+from limen.cli.show_content import opened_content
 from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.layers.common.page_detail import plain_detail
@@ -33,11 +33,13 @@ def terrain_traffic(
     """Count and print."""
     terrain = opened_content(out, content)
     assert isinstance(terrain, Terrain)
+    reference_m = standing_viewer(whole).position_m
     drape = _drape(out, terrain, part, options, faint=any(policy.name == "contrast" for policy in policies))
     with out.progress("counting triangles", frames_of(sessions, rate_hz)) as step:
         traffic = count_terrain_traffic(
             terrain, part, sessions, policies, options.settings(max_triangles), whole=whole, drape=drape,
-            reference_m=standing_viewer(whole).position_m, rate_hz=rate_hz, advance=lambda: step(1),
+            reference_m=reference_m, eye_m=reference_m if options.camera == "fixed" else None, rate_hz=rate_hz,
+            advance=lambda: step(1),
         )  # fmt: skip
     out.result(traffic)
     _print(out, traffic)

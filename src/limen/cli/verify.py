@@ -11,7 +11,7 @@ import msgspec
 from cyclopts import Parameter
 
 from limen.cli.arguments import AcuityOption, DisplayOption, FitOption, PanelsOption, chosen_panels, refuse_acuity
-from limen.cli.heard import VERIFY, given_options, kind_of, refuse_kind
+from limen.cli.heard import VERIFY, Kind, given_options, refuse_kind
 from limen.cli.output import DEFAULT, Common, Output
 from limen.data.image.file import Image
 from limen.data.mesh.mesh import Mesh
@@ -131,7 +131,7 @@ def verify(
     if not isinstance(opened, Image):
         if opened.kind == "terrain":
             open_picture(content)  # says why it is none
-        refuse_kind(VERIFY, given, kind_of(opened))
+        refuse_kind(VERIFY, given, cast("Kind", opened.kind))
         asked = _AskedScene(
             display, panels, views, seed, distance_factors or FACTORS, eccentricity_deg, changes, speed_deg_s
         )

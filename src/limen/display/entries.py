@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta, field
 
 from limen.display.grid import WHITE_CD_M2, Falloff, Gain, Grid, Luminance, NotNegative, Positive, Side
+from limen.typed_toml import schema_of
 
 __all__ = [
     "Adjustment",
@@ -131,4 +132,4 @@ class DisplayFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True
 
 def schema() -> dict[str, Any]:
     """JSON Schema of a display file; ``display.schema.json`` beside this module is this, written out."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(DisplayFile)}
+    return schema_of(DisplayFile)

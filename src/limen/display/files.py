@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -22,7 +20,8 @@ from limen.display.mesh import panels_of_mesh, room_from_mesh
 from limen.display.meshfile import read_mesh
 from limen.display.panel import Panel
 from limen.display.quilt import Quilt
-from limen.errors import DisplayError, FormatError, MissingFileError
+from limen.errors import DisplayError
+from limen.typed_toml import read_text, typed
 from limen.units import inch_to_m
 
 __all__ = ["DisplayFields", "DisplayFile", "mesh_panels", "preset_names", "preset_path", "read", "schema", "write"]
@@ -45,13 +44,7 @@ def read(path: Path) -> DisplayFields:
     MissingFileError, FormatError, DisplayError
         See `limen.Display.load`.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise MissingFileError(f"{path}: no such display file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: cannot be read as a text file: {error}") from None
-    content = _parse(path, text)
+    content = typed(path, read_text(path, "display file"), DisplayFile)
     try:
         panels = _panels(content, path.parent)
         quilts = _quilts(content, panels)
@@ -106,41 +99,6 @@ def preset_path(name: str) -> Path:
 
 def _tuple3(values: list[float]) -> tuple[float, float, float]:
     return (values[0], values[1], values[2])
-
-
-def _parse(path: Path, text: str) -> DisplayFile:
-    try:
-        return msgspec.convert(tomllib.loads(text), DisplayFile)
-    except tomllib.TOMLDecodeError as error:
-        raise FormatError(f"{path}: not valid TOML: {error}") from None
-    except msgspec.ValidationError as error:
-        message, _, where = str(error).partition(" - at `")
-        where = where.rstrip("`")
-        line = _line_of(text, where, message)
-        raise FormatError(
-            f"{path}:{line}: {message}" + (f" (field {where.removeprefix('$.')})" if where else "")
-        ) from None
-
-
-def _line_of(text: str, where: str, message: str) -> int:
-    """The line that msgspec's path (``$.grid[1].size_px[0]``) points at; of its table, if the key is missing."""
-    parts = re.findall(r"\.(\w+)|\[(\d+)\]", where)
-    unknown = re.search(r"unknown field `(\w+)`", message)
-    keys = [name for name, _ in parts if name] + ([unknown[1]] if unknown else [])
-    index = next((int(number) for _, number in parts if number), 0)
-    lines = text.splitlines()
-    start, end = 0, len(lines)
-    if keys and keys[0] in ("grid", "panel", "mesh", "adjust", "quilt"):
-        tables = [number for number, line in enumerate(lines) if re.match(rf"\s*\[\[\s*{keys[0]}\s*\]\]", line)]
-        if index < len(tables):
-            start = tables[index]
-            end = next((n for n in range(start + 1, end) if lines[n].lstrip().startswith("[[")), end)
-            keys = keys[1:]
-    for key in keys[:1]:
-        for number in range(start, end):
-            if re.match(rf"\s*{key}\s*=", lines[number]):
-                return number + 1
-    return start + 1
 
 
 def _panels(content: DisplayFile, folder: Path = Path()) -> tuple[Panel, ...]:

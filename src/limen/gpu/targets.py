@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import wgpu
@@ -12,13 +12,56 @@ from limen.gpu.buffers import TextureReader
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
 
-__all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "SAMPLED_DEPTH", "Targets"]
+__all__ = ["DEPTH_FORMAT", "QUILT_FORMAT", "SAMPLED_DEPTH", "Rgb", "Target", "Targets"]
+
+Rgb: TypeAlias = tuple[float, float, float]
+"""Linear light: red, green, blue."""
 
 QUILT_FORMAT = "rgba8unorm-srgb"
 DEPTH_FORMAT = "depth32float"
 SAMPLED_DEPTH = {"sample_type": "unfilterable-float", "view_dimension": "2d"}
 """How a shader sees it: as ``texture_2d<f32>``, because on OpenGL wgpu loads no texels of a ``texture_depth_2d``."""
 _BITS_FORMAT = "r32uint"
+
+
+class Target:
+    """The picture and the depth that all layers of a view are drawn into; the first to draw into either clears it.
+
+    Parameters
+    ----------
+    view
+        A texture view of the picture.
+    background
+        Linear light (red, green, blue) where nothing is drawn.
+    alone
+        Nothing else is drawn into it: whoever does may use a cheaper pass of its own.
+    """
+
+    def __init__(
+        self, targets: Targets, view: Any, format: str, size_px: tuple[int, int], background: Rgb, *, alone: bool = True
+    ) -> None:
+        self.view, self.format, self.size_px, self.alone, self.background = view, format, size_px, alone, background
+        self._targets, self._cleared, self._deep = targets, False, False
+
+    def colour(self) -> dict[str, Any]:
+        """The attachment of a pass that draws into the picture."""
+        load = "load" if self._cleared else "clear"
+        self._cleared = True
+        return {"view": self.view, "clear_value": (*self.background, 1.0), "load_op": load, "store_op": "store"}
+
+    def depth(self) -> dict[str, Any]:
+        """The attachment of a pass that draws into the depth: reversed, 1 is near, 0 nothing."""
+        load = "load" if self._deep else "clear"
+        self._deep = True
+        texture = self._targets.texture(self.size_px, DEPTH_FORMAT)
+        return {
+            "view": texture.create_view(), "depth_clear_value": 0.0, "depth_load_op": load, "depth_store_op": "store",
+        }  # fmt: skip
+
+    def finish(self, encoder: Any) -> None:
+        """Clear the picture if nobody drew into it."""
+        if not self._cleared:
+            encoder.begin_render_pass(color_attachments=[self.colour()]).end()
 
 
 class Targets:
@@ -29,11 +72,26 @@ class Targets:
         self._textures: dict[tuple[tuple[int, int], str, int], Any] = {}
         self._reader = TextureReader(device)
 
+    def target(
+        self,
+        size_px: tuple[int, int],
+        target_format: str = QUILT_FORMAT,
+        *,
+        slot: int = 0,
+        background: Rgb = (0.0, 0.0, 0.0),
+        alone: bool = True,
+    ) -> tuple[Any, Target]:
+        """A texture of its own to draw a view into, see `texture`, and the target that it is."""
+        texture = self.texture(size_px, target_format, slot)
+        return texture, Target(self, texture.create_view(), target_format, size_px, background, alone=alone)
+
     def texture(self, size_px: tuple[int, int], target_format: str, slot: int = 0) -> Any:
         """Quilts of one size are drawn over each other, unless they are given slots of their own."""
         key = (size_px, target_format, slot)
         if key not in self._textures:
             usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
+            if target_format != DEPTH_FORMAT:
+                usage |= wgpu.TextureUsage.COPY_DST
             self._textures[key] = self._device.wgpu.create_texture(
                 label="quilt", size=(*size_px, 1), format=target_format, usage=usage
             )

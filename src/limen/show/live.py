@@ -3,44 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any
 
+import msgspec
 import numpy as np
 
-from limen.data.image.file import Image
 from limen.display.display import Display
 from limen.display.quilt import Quilt
+from limen.frame.renderer import Renderer
+from limen.frame.report import FrameReport
 from limen.gpu.device import Device, open_device
-from limen.layers.image.draw.drawer import Overlay, Sampling
-from limen.layers.image.renderer import FrameReport, LensMoves, Renderer
+from limen.layers.image.layer import ImageLayer
+from limen.show.show import Tour
 from limen.show.window import Surface, open_canvas, run_together
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy
-from limen.viewing.viewer import Viewer
+from limen.viewing.state import FrameState
+from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
-__all__ = ["LiveSettings", "Tour", "run_live", "unrolled_quilt"]
-
-Tour: TypeAlias = Callable[[float], Sequence[Viewer]]
-"""Who looks, and from where, at a time in seconds."""
+__all__ = ["run_live", "unrolled_quilt"]
 
 _SIZE = (1440, 810)
 _ZOOM_STEP = 1.2
 _LENS_STEP = 1.25
 _LENS_SHARE = 0.25
 _HELP = "o overlay   p policy   l lens, + - [ ] its power and size   space pause   0 fit   q close"
-
-
-@dataclass(frozen=True, slots=True)
-class LiveSettings:
-    """What the window shows at first; keys change it."""
-
-    policy: Policy
-    placement: OnSurface = field(default_factory=OnSurface)
-    overlay: Overlay | None = None
-    seconds: float | None = None
-    moves: LensMoves = field(default_factory=LensMoves)
 
 
 def unrolled_quilt(display: Display, size_px: tuple[int, int]) -> tuple[Display, Quilt]:
@@ -75,15 +64,23 @@ class Live:
     """The state of a window, changed by events and drawn frame by frame."""
 
     def __init__(
-        self, device: Device, image: Image, display: Display | None, tour: Tour | None, settings: LiveSettings
+        self,
+        device: Device,
+        layer: ImageLayer,
+        display: Display | None,
+        tour: Tour | None,
+        pointers: Callable[[float], Sequence[Pointer]] = nobody_points,
     ) -> None:
-        self._device, self._image, self._display = device, image, display
+        placement = layer.placement
+        assert isinstance(placement, OnSurface)
+        self._device, self._display, self._pointers = device, display, pointers
+        self._layer = layer = replace(layer, sampling="fast") if device.is_software else layer
+        self._image = layer.image
+        self._placement: OnSurface = placement
         self._tour = tour or (lambda _time_s: (Viewer((0.0, 0.0, 0.0)),))
-        self._policy, self._overlay = settings.policy, settings.overlay
-        self._tint: Overlay = settings.overlay or "levels"
+        self._policy, self._overlay = layer.policy, layer.overlay
         self._other = Policy() if self._policy.name == "full" else Policy("full")
-        self._placement = settings.placement
-        self._moves, self._toured, self._now_s = settings.moves, tour is not None, 0.0
+        self._toured = tour is not None
         self._hand: _HandLens | None = None
         self._last_hand = _HandLens()
         self._pointer = (0.0, 0.0)
@@ -105,15 +102,18 @@ class Live:
             self._clock_s += surface.time_s - self._last_s
         self._last_s = surface.time_s
         viewers = list(self._tour(self._clock_s))
-        self._now_s = viewers[0].time_s if self._toured else self._clock_s
-        if self._moves.any:
-            self._place(self._placement)
-        self.last = self._renderer.frame(
-            viewers, self._policy, quilt=self._quilt, overlay=self._overlay,
-            target=surface.target, target_format=surface.target_format, now_s=surface.time_s,
+        now_s = viewers[0].time_s if self._toured else self._clock_s
+        placement = msgspec.structs.replace(self._placement, lenses=self._placement.lenses + self._held())
+        shown = replace(self._layer, placement=placement, policy=self._policy, overlay=self._overlay)
+        frame = FrameState(
+            time_s=now_s, viewers=tuple(viewers), pointers=tuple(self._pointers(now_s)),
+            layers=(shown.state(now_s, self._renderer.display),),
         )  # fmt: skip
-        report = self.last
-        return f"{self._image.path.name}   {report.policy}   {report.pages} pages, {report.missing} coming   {_HELP}"
+        self.last = self._renderer.frame(
+            frame, target=surface.target, target_format=surface.target_format, now_s=surface.time_s
+        )
+        (report,) = self.last.layers
+        return f"{self._layer.name}   {report.policy}   {report.items} pages, {report.missing} coming   {_HELP}"
 
     def handle(self, event: dict[str, Any]) -> None:
         match event["event_type"]:
@@ -136,7 +136,7 @@ class Live:
     def _key(self, key: str) -> None:
         match key:
             case "o":
-                self._overlay = None if self._overlay else self._tint
+                self._overlay = "" if self._overlay else self._layer.overlay_word
             case "p":
                 self._policy, self._other = self._other, self._policy
             case " ":
@@ -148,7 +148,7 @@ class Live:
             case "[" | "]" if self._hand is not None:
                 self._hold(self._hand.wider(_LENS_STEP if key == "]" else 1 / _LENS_STEP))
             case "0":
-                self._place(replace(self._placement, zoom=1.0, centre=(0.5, 0.5)))
+                self._placement = msgspec.structs.replace(self._placement, zoom=1.0, centre=(0.5, 0.5))
             case "q" | "Escape":
                 self.closed = True
 
@@ -160,13 +160,11 @@ class Live:
             self._quilt = Quilt(size_px, (0,), ((0, 0),))
         else:
             shown, self._quilt = unrolled_quilt(self._display, size_px)
-        sampling: Sampling = "fast" if self._device.is_software else "sharp"
-        self._renderer = Renderer(self._device, shown, self._image, self._placement, sampling=sampling)
-        self._place(self._placement)
+        self._renderer = Renderer(self._device, shown, [self._layer], quilts=[self._quilt])
 
     def _texels_per_pixel(self) -> float:
         assert self._renderer is not None
-        return float(self._placement.panel_maps(self._renderer.view.display, self._image.size_px).scale[0, 0])
+        return float(self._placement.panel_maps(self._renderer.display, self._image.size_px).scale[0, 0])
 
     def _point(self, at: tuple[float, float]) -> None:
         """The pointer has moved: it drags the image, or carries the lens."""
@@ -175,12 +173,9 @@ class Live:
             x, y = self._drag_from
             self._drag_from = at
             self._move(x - at[0], y - at[1])
-        elif self._hand is not None:
-            self._place(self._placement)
 
     def _hold(self, hand: _HandLens | None) -> None:
         self._hand, self._last_hand = hand, hand or self._hand or self._last_hand
-        self._place(self._placement)
 
     def _from_middle(self, at: tuple[float, float]) -> tuple[float, float]:
         """A place of the window from its middle, in the pixels that events are told in."""
@@ -207,7 +202,7 @@ class Live:
         x, y = self._placement.centre
         width, height = self._image.size_px
         centre = (min(max(x + dx * step / width, 0.0), 1.0), min(max(y + dy * step / height, 0.0), 1.0))
-        self._place(replace(self._placement, centre=centre))
+        self._placement = msgspec.structs.replace(self._placement, centre=centre)
 
     def _zoom(self, factor: float, at: tuple[float, float]) -> None:
         """Zoom so that the texel under the pointer stays there."""
@@ -215,17 +210,17 @@ class Live:
         ratio = 1 - self._placement.zoom / zoom
         x, y = self._from_middle(at)
         self._move(x * ratio, y * ratio)
-        self._place(replace(self._placement, zoom=zoom))
-
-    def _place(self, placement: OnSurface) -> None:
-        self._placement = placement
-        if self._renderer is not None:
-            held = replace(placement, lenses=placement.lenses + self._held())
-            self._moves.place(self._renderer, held, self._now_s)
+        self._placement = msgspec.structs.replace(self._placement, zoom=zoom)
 
 
 def run_live(
-    image: Image, display: Display | None, tour: Tour | None, settings: LiveSettings, say: Callable[[str], None]
+    layer: ImageLayer,
+    display: Display | None,
+    tour: Tour | None,
+    say: Callable[[str], None],
+    *,
+    pointers: Callable[[float], Sequence[Pointer]] = nobody_points,
+    seconds: float | None = None,
 ) -> FrameReport | None:
     """Open a window and draw until it is closed; returns the last frame's report.
 
@@ -237,11 +232,15 @@ def run_live(
         Who looks at what time.
     say
         Told once what the keys do.
+    pointers
+        Who points where, by the viewers' clock.
+    seconds
+        Close the window after this long.
     """
     with open_device() as device:
-        canvas = open_canvas(device.wgpu, _SIZE, image.path.name)
-        live = Live(device, image, display, tour, settings)
+        canvas = open_canvas(device.wgpu, _SIZE, layer.name)
+        live = Live(device, layer, display, tour, pointers)
         live.pixel_ratio = canvas.pixel_ratio
         say(f"keys: {_HELP}; drag to move, wheel to zoom")
-        run_together([canvas], [live.draw], live, seconds=settings.seconds)
+        run_together([canvas], [live.draw], live, seconds=seconds)
         return live.last

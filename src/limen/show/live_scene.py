@@ -11,11 +11,13 @@ import numpy as np
 
 from limen.display.display import Display
 from limen.display.quilt import Quilt
+from limen.frame.renderer import Renderer
+from limen.frame.report import FrameReport
+from limen.frame.simulator import DisplaySimulator
 from limen.geometry import Floats, Vec3, as_vec3
 from limen.gpu.device import Device, open_device
-from limen.layers.common.simulator import DisplaySimulator
-from limen.show.live import Tour
-from limen.show.stage import Exhibit, Shown, Stage, Turn
+from limen.layers.base import Turn
+from limen.show.show import Show, Tour, summary
 from limen.show.window import Surface, open_canvas, run_together
 from limen.viewing.arrangement import arrangement_of
 from limen.viewing.camera import Camera
@@ -76,37 +78,37 @@ class LiveScene:
     """The state of a window, changed by events and drawn frame by frame."""
 
     def __init__(
-        self, device: Device, exhibit: Exhibit, display: Display | None, tour: Tour | Viewer, *, overlay: bool = False
+        self, device: Device, show: Show, display: Display | None, tour: Tour | Viewer, *, overlay: bool = False
     ) -> None:
-        self._device, self._exhibit, self._tour = device, exhibit, tour
+        show.check_one_picture()
+        self._device, self._show, self._tour = device, show, tour
         self._simulated = None if display is None else _as_fine_as_seen(display)
         self._in_a_room = display is not None and arrangement_of(display) == "room"
         self._overlay = overlay
         self._yaw_deg = self._pitch_deg = 0.0
         self._nearer = 1.0
-        self._stage: Stage | None = None
+        self._renderer: Renderer | None = None
         self._lit: DisplaySimulator | None = None
         self._size_px = (0, 0)
         self._dragging_from: tuple[float, float] | None = None
         self._clock_s, self._last_s, self._paused = 0.0, 0.0, False
         self.closed = False
-        self.last: Shown | None = None
+        self.last: FrameReport | None = None
 
     def draw(self, surface: Surface) -> str:
         """Draw one frame; returns the window's title."""
         if surface.size_px != self._size_px:
             self._resize(surface.size_px)
-        assert self._stage is not None
+        assert self._renderer is not None
         if not self._paused:
             self._clock_s += surface.time_s - self._last_s
         self._last_s = surface.time_s
         if self._simulated is None:
-            self._draw_window(self._stage, surface)
+            self._draw_window(self._renderer, surface)
         else:
-            self._draw_display(self._stage, self._simulated, surface)
+            self._draw_display(self._renderer, self._simulated, surface)
         assert self.last is not None
-        counts = f"{self.last.panels_active} panels, {self.last.drawn}"
-        return f"{self._exhibit.name}   {counts}   {_HELP}"
+        return f"{self._show.name}   {summary(self.last)}   {_HELP}"
 
     def handle(self, event: dict[str, Any]) -> None:
         match event["event_type"]:
@@ -127,11 +129,11 @@ class LiveScene:
                 )
 
     def close(self) -> None:
-        if self._stage is not None:
-            self._stage.close()
+        if self._renderer is not None:
+            self._renderer.close()
         if self._lit is not None:
             self._lit.destroy()
-        self._stage = self._lit = None
+        self._renderer = self._lit = None
 
     def _key(self, key: str) -> None:
         match key:
@@ -147,31 +149,36 @@ class LiveScene:
 
     def _resize(self, size_px: tuple[int, int]) -> None:
         self._size_px = size_px
-        if self._simulated is not None and self._stage is not None:
+        if self._simulated is not None and self._renderer is not None:
             return
         self.close()
-        display = self._simulated or Display.window(size_px)
-        self._stage = self._exhibit.on(self._device, display)
-        if self._simulated is not None:
-            self._lit = DisplaySimulator(self._device, display, self._stage.quilts, guard_px=self._stage.guard_px)
+        if self._simulated is None:
+            quilt = Quilt(size_px, (0,), ((0, 0),))
+            self._renderer = self._show.renderer(self._device, Display.window(size_px), [quilt])
+        else:
+            self._renderer = self._show.renderer(self._device, self._simulated)
+            quilts, guard_px = self._renderer.quilts, self._renderer.guard_px
+            self._lit = DisplaySimulator(self._device, self._simulated, quilts, guard_px=guard_px)
 
-    def _draw_window(self, stage: Stage, surface: Surface) -> None:
+    def _draw_window(self, renderer: Renderer, surface: Surface) -> None:
         """The window is the display: what is behind it is turned by dragging."""
-        stage.pose(self._clock_s, Turn(self._yaw_deg, self._pitch_deg, self._nearer), paused=self._paused)
         # Before a window somebody sits still, and may be told to look elsewhere than at its middle.
         gaze = self._tour.gaze if isinstance(self._tour, Viewer) else None
         viewer = Viewer((0.0, 0.0, 0.0), gaze=gaze, time_s=self._clock_s)
-        self.last = stage.frame(
-            [viewer], quilt=Quilt(surface.size_px, (0,), ((0, 0),)), overlay=self._overlay,
-            target=surface.target, target_format=surface.target_format,
+        frame = self._show.frame(
+            renderer.display, self._clock_s, [viewer], turn=Turn(self._yaw_deg, self._pitch_deg, self._nearer),
+            overlay=self._overlay, paused=self._paused,
         )  # fmt: skip
+        self.last = renderer.frame(
+            frame, target=surface.target, target_format=surface.target_format, now_s=surface.time_s
+        )
 
-    def _draw_display(self, stage: Stage, display: Display, surface: Surface) -> None:
+    def _draw_display(self, renderer: Renderer, display: Display, surface: Surface) -> None:
         """A simulated display, seen by the viewer that it is lit for; dragging leads the viewer around it."""
         assert self._lit is not None
-        stage.pose(self._clock_s, paused=self._paused)
         viewers = self._viewers()
-        textures, self.last = stage.textures(viewers, overlay=self._overlay)
+        frame = self._show.frame(display, self._clock_s, viewers, overlay=self._overlay, paused=self._paused)
+        textures, self.last = renderer.textures(frame, now_s=surface.time_s)
         viewer = viewers[0]
         camera = eye_camera(display, np.array(viewer.position_m), surface.size_px, viewer.direction)
         if isinstance(self._tour, Viewer) and self._nearer != 1:  # or whoever comes nearer would be shown less
@@ -184,8 +191,7 @@ class LiveScene:
         """Who looks: those of a tour, or whom dragging leads around the display or turns in a room."""
         if isinstance(self._tour, Viewer):
             return [self._led(self._tour, self._nearer)]
-        viewers = self._tour(self._clock_s)
-        return [viewer.at_rest for viewer in viewers] if self._paused else viewers
+        return self._tour(self._clock_s)
 
     def _led(self, person: Viewer, nearer: float = 1.0) -> Viewer:
         """Where dragging has led somebody."""
@@ -226,9 +232,9 @@ def _as_fine_as_seen(display: Display) -> Display:
 
 
 def run_live_scene(
-    exhibit: Exhibit, display: Display | None, tour: Tour | Viewer, say: Callable[[str], None], *,
+    show: Show, display: Display | None, tour: Tour | Viewer, say: Callable[[str], None], *,
     overlay: bool = False, seconds: float | None = None,
-) -> Shown | None:  # fmt: skip
+) -> FrameReport | None:  # fmt: skip
     """Open a window and draw until it is closed; returns the last frame's report.
 
     Parameters
@@ -243,8 +249,8 @@ def run_live_scene(
         Close the window after this long.
     """
     with open_device() as device:
-        live = LiveScene(device, exhibit, display, tour, overlay=overlay)
-        canvas = open_canvas(device.wgpu, _SIZE, exhibit.name)
+        live = LiveScene(device, show, display, tour, overlay=overlay)
+        canvas = open_canvas(device.wgpu, _SIZE, show.name)
         say(f"keys: {_HELP}; drag to turn, wheel to come nearer")
         run_together([canvas], [live.draw], live, seconds=seconds)
         return live.last

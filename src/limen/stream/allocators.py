@@ -25,11 +25,11 @@ class Slots:
     """
 
     def __init__(self, count: int) -> None:
-        self.count = count
+        self.capacity = count
         self._free = list(range(count - 1, -1, -1))
 
     def fitting(self, chunks: Index) -> int:
-        return min(len(chunks), self.count)
+        return min(len(chunks), self.capacity)
 
     def place(self, chunk: int, item: Any) -> tuple[int, ...] | None:
         return (self._free.pop(),) if self._free else None
@@ -50,6 +50,8 @@ class Ranges:
     sizes_of
         How many elements of each buffer an item takes; it may have learned of fewer by being read.
     """
+
+    capacity = 0
 
     def __init__(
         self, capacities: Sequence[int], most: Sequence[Index], sizes_of: Callable[[Any], tuple[int, ...]]

@@ -34,6 +34,7 @@ __all__ = [
     "Index",
     "Resident",
     "Statistics",
+    "Streaming",
     "Update",
     "completed",
 ]
@@ -68,6 +69,11 @@ class ChunkSource(Protocol[Item_co]):
 class Allocator(Protocol):
     """Where chunks lie in memory: see `limen.stream.allocators`."""
 
+    @property
+    def capacity(self) -> int:
+        """How many chunks there is room for; 0 where that depends on which."""
+        ...
+
     def fitting(self, chunks: Index) -> int:
         """How many of these fit together, the first ones first."""
         ...
@@ -77,6 +83,35 @@ class Allocator(Protocol):
         ...
 
     def free(self, place: tuple[int, ...]) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Streaming:
+    """A source, and how its chunks are to be streamed; see `ChunkStream`.
+
+    Parameters
+    ----------
+    keeps_drawn
+        Whether what a frame drew in place of missing chunks stays until these have come.
+    required
+        Whether nothing can be drawn without the pinned chunks.
+    """
+
+    source: ChunkSource[Any]
+    name: str = "chunk"
+    width: int = 1
+    per_frame: int = 64
+    cost: Callable[[Any], int] = lambda _: 1
+    kept: int = 512
+    keeps_drawn: bool = False
+    required: bool = False
+
+    def stream(self, allocator: Allocator, threads: int) -> ChunkStream[Any]:
+        """A stream of it into memory that an allocator divides."""
+        return ChunkStream(
+            self.source, allocator, width=self.width, name=self.name, per_frame=self.per_frame, cost=self.cost,
+            kept=self.kept, threads=threads,
+        )  # fmt: skip
 
 
 class Arrival(NamedTuple, Generic[Item]):
@@ -92,8 +127,14 @@ class Resident(NamedTuple):
 
     place: Index
     """Shape (count, k): what the allocator said of each; -1 where a chunk is not there."""
+    since_s: NDArray[np.float64]
+    """Shape (count,): when each came, by the clock of ``now_s``; -inf where it has always been there."""
+    now_s: float
+    """The last update's time, that chunks fade in by; inf where they do not."""
     generation: int
-    """Grows whenever a chunk arrives."""
+    """Grows whenever a chunk comes or goes."""
+    capacity: int
+    """How many chunks there is room for; 0 where that depends on which."""
 
     @property
     def mask(self) -> NDArray[np.bool_]:
@@ -230,7 +271,7 @@ class ChunkStream(Generic[Item]):
     @property
     def resident(self) -> Resident:
         """What is there now."""
-        return Resident(self._places.T, self._generation)
+        return Resident(self._places.T, self._since_s, self._now_s, self._generation, self._allocator.capacity)
 
     def touch(self, chunks: Index) -> None:
         """Chunks that the last frame drew in the place of missing ones: others are evicted before them."""
@@ -313,7 +354,7 @@ class ChunkStream(Generic[Item]):
             arrived.append(Arrival(chunk, place, item))
         stay = self._members[self._places[0, self._members] >= 0] if evicted else self._members
         self._members = np.concatenate([stay, np.array([each.chunk for each in arrived], np.int64)])
-        self._generation += bool(arrived)
+        self._generation += bool(arrived or evicted)
         return arrived, evicted
 
     def _oldest(self, about: int) -> Iterator[int]:

@@ -9,11 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
-from limen.errors import InputError
-from limen.stream.allocators import Slots
-from limen.stream.chunks import ChunkStream, Index
+from limen.stream.chunks import Index, Resident, Streaming
 
-__all__ = ["FADE_S", "Drawable", "PageSource", "PageStream", "PageTable", "page_table"]
+__all__ = [
+    "FADE_S",
+    "Drawable",
+    "KeptTable",
+    "PageSource",
+    "PageTable",
+    "drawable_pages",
+    "page_streaming",
+    "page_table",
+    "resident_table",
+]
 
 FADE_S = 0.2
 """How long a page that came late takes to replace the coarser one shown in its place: a change of 2.5 Hz, at which the
@@ -66,89 +74,92 @@ class PageTable(NamedTuple):
     fade: NDArray[np.float32]
 
 
-class PageStream(ChunkStream[NDArray[np.uint8]]):
-    """Pages of one image on their way to the slots of a pool; the one page of the coarsest level is pinned.
+def page_streaming(source: PageSource) -> Streaming:
+    """Pages of one image, on their way to the slots of a pool; the one page of the coarsest level is pinned."""
+    return Streaming(_Pages(source), "page")
 
-    Parameters
-    ----------
-    source
-        Where pages are read, from several threads at once: (PAGE + 2 GUTTER, PAGE + 2 GUTTER, 4) texels each.
-    slots
-        How many pages the pool holds.
-    kept
-        How many decoded pages may wait in memory for their upload.
-    per_frame
-        Most pages handed over by one `update`.
-    threads
-        Decoding threads.
 
-    Raises
-    ------
-    InputError
-        If there is not room for the pinned page and one more.
+def drawable_pages(pyramid: Pyramid, resident: Resident, pages: Index) -> tuple[Drawable, Index]:
+    """The nearest resident page of each (itself, or an ancestor), with its own ancestors while it fades in.
+
+    Also all the pages that these are.
     """
+    level, column, row = pyramid.page_of(pages)
+    places = resident.place[:, 0]
+    found: list[tuple[Index, NDArray[np.int32], int, NDArray[np.float32], NDArray[np.float32]]] = []
+    used: list[Index] = []
+    pending = np.arange(len(pages))
+    left = np.ones(len(pages), dtype=np.float32)
+    top = len(pyramid.levels) - 1
+    for step in range(top + 1):
+        page = pyramid.page_index(level[pending] + step, column[pending] >> step, row[pending] >> step)
+        slot = places[page].astype(np.int32)
+        fade = np.where(level[pending] + step < top, _fade(resident, page), 1.0).astype(np.float32)
+        here = slot >= 0
+        used.append(page[here])
+        found.append((pending[here], slot[here], step, (left[pending] * fade)[here], 1 - left[pending[here]]))
+        left[pending[here]] *= 1 - fade[here]
+        # A page without anything is asked about up to the top; what is left of the others, while they fade.
+        pending = pending[(left[pending] > 0) & (level[pending] + step < top)]
+        if not len(pending):
+            break
+    nothing = np.setdiff1d(np.arange(len(pages)), np.concatenate([asked for asked, *_ in found]))
+    whole, none = (np.full(len(nothing), share, np.float32) for share in (1, 0))
+    found.append((nothing, np.full(len(nothing), -1, np.int32), 0, whole, none))
+    asked = np.concatenate([each[0] for each in found])
+    order = np.argsort(asked, kind="stable")
+    coarser = np.concatenate([np.full(len(each[0]), each[2], np.int32) for each in found])[order]
+    slots, shares, over = (np.concatenate([each[part] for each in found])[order] for part in (1, 3, 4))
+    return Drawable(asked[order], slots, coarser, shares, over), np.concatenate(used)
 
-    def __init__(
-        self, source: PageSource, slots: int, *, kept: int = 512, per_frame: int = 64, threads: int = 2
-    ) -> None:
-        if slots < 2:
-            raise InputError(f"a pool of {slots} pages is too small: at least 2 are needed")
-        self._pyramid = source.pyramid
-        super().__init__(_Pages(source), Slots(slots), name="page", per_frame=per_frame, kept=kept, threads=threads)
 
-    def drawable(self, pages: Index) -> Drawable:
-        """The nearest resident page of each (itself, or an ancestor), with its own ancestors while it fades in."""
-        level, column, row = self._pyramid.page_of(pages)
-        found: list[tuple[Index, NDArray[np.int32], int, NDArray[np.float32], NDArray[np.float32]]] = []
-        pending = np.arange(len(pages))
-        left = np.ones(len(pages), dtype=np.float32)
-        top = len(self._pyramid.levels) - 1
-        for step in range(top + 1):
-            page = self._pyramid.page_index(level[pending] + step, column[pending] >> step, row[pending] >> step)
-            slot = self._places[0, page].astype(np.int32)
-            fade = np.where(level[pending] + step < top, self._fade(page), 1.0).astype(np.float32)
-            here = slot >= 0
-            self.touch(page[here])
-            found.append((pending[here], slot[here], step, (left[pending] * fade)[here], 1 - left[pending[here]]))
-            left[pending[here]] *= 1 - fade[here]
-            # A page without anything is asked about up to the top; what is left of the others, while they fade.
-            pending = pending[(left[pending] > 0) & (level[pending] + step < top)]
-            if not len(pending):
-                break
-        nothing = np.setdiff1d(np.arange(len(pages)), np.concatenate([asked for asked, *_ in found]))
-        whole, none = (np.full(len(nothing), share, np.float32) for share in (1, 0))
-        found.append((nothing, np.full(len(nothing), -1, np.int32), 0, whole, none))
-        asked = np.concatenate([each[0] for each in found])
-        order = np.argsort(asked, kind="stable")
-        coarser = np.concatenate([np.full(len(each[0]), each[2], np.int32) for each in found])[order]
-        slots, shares, over = (np.concatenate([each[part] for each in found])[order] for part in (1, 3, 4))
-        return Drawable(asked[order], slots, coarser, shares, over)
+def resident_table(pyramid: Pyramid, resident: Resident) -> PageTable:
+    """`drawable_pages` for every page of the pyramid, for shaders that look pages up for themselves."""
+    places, levels = resident.place[:, 0], pyramid.levels
+    shown = np.where(places >= 0, np.arange(len(places)), -1)
+    coarser = np.zeros(len(shown), dtype=np.int32)
+    for number in range(len(levels) - 2, -1, -1):
+        level, parent = levels[number], levels[number + 1]
+        own = slice(level.first_page, level.first_page + level.columns * level.rows)
+        above = slice(parent.first_page, parent.first_page + parent.columns * parent.rows)
+        rows, columns = np.arange(level.rows) >> 1, np.arange(level.columns) >> 1
+        inherited = shown[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel()
+        distance = coarser[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel() + 1
+        absent = shown[own] < 0
+        shown[own] = np.where(absent, inherited, shown[own])
+        coarser[own] = np.where(absent, distance, 0)
+    slot = np.where(shown < 0, -1, places[shown]).astype(np.int32)
+    # Of the coarsest page all is there: nothing coarser could be shown meanwhile.
+    fade = np.where(shown == pyramid.page_count - 1, 1.0, _fade(resident, shown)).astype(np.float32)
+    return PageTable(slot, coarser, fade)
 
-    def table(self) -> PageTable:
-        """`drawable` for every page of the pyramid, for shaders that look pages up for themselves."""
-        shown = np.where(self._places[0] >= 0, np.arange(self._places.shape[1]), -1)
-        coarser = np.zeros(len(shown), dtype=np.int32)
-        levels = self._pyramid.levels
-        for number in range(len(levels) - 2, -1, -1):
-            level, parent = levels[number], levels[number + 1]
-            own = slice(level.first_page, level.first_page + level.columns * level.rows)
-            above = slice(parent.first_page, parent.first_page + parent.columns * parent.rows)
-            rows, columns = np.arange(level.rows) >> 1, np.arange(level.columns) >> 1
-            inherited = shown[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel()
-            distance = coarser[above].reshape(parent.rows, parent.columns)[rows][:, columns].ravel() + 1
-            absent = shown[own] < 0
-            shown[own] = np.where(absent, inherited, shown[own])
-            coarser[own] = np.where(absent, distance, 0)
-        slot = np.where(shown < 0, -1, self._places[0, shown]).astype(np.int32)
-        # Of the coarsest page all is there: nothing coarser could be shown meanwhile.
-        fade = np.where(shown == self._pinned[0], 1.0, self._fade(shown)).astype(np.float32)
-        return PageTable(slot, coarser, fade)
 
-    def _fade(self, pages: Index) -> NDArray[np.float32]:
-        """How much of these pages has faded in."""
-        if self._now_s == math.inf:
-            return np.ones(len(pages), dtype=np.float32)
-        return np.clip((self._now_s - self._since_s[pages]) / FADE_S, 0.0, 1.0).astype(np.float32)
+class KeptTable:
+    """A `resident_table` that is the same object while nothing comes or fades in: it is copied to the GPU when it is
+    another."""
+
+    def __init__(self, pyramid: Pyramid) -> None:
+        self._pyramid = pyramid
+        self._generation = -1
+        self._changed_s = self._made_s = -math.inf
+        self._table: PageTable | None = None
+
+    def of(self, resident: Resident) -> PageTable:
+        """The table now."""
+        if resident.generation != self._generation:
+            self._generation, self._changed_s = resident.generation, resident.now_s
+        elif self._table is not None and not self._made_s - self._changed_s < FADE_S:
+            return self._table  # not by the time that has passed: the next frame may come when all would have faded in
+        self._made_s = resident.now_s
+        self._table = resident_table(self._pyramid, resident)
+        return self._table
+
+
+def _fade(resident: Resident, pages: Index) -> NDArray[np.float32]:
+    """How much of these pages has faded in."""
+    if resident.now_s == math.inf:
+        return np.ones(len(pages), dtype=np.float32)
+    return np.clip((resident.now_s - resident.since_s[pages]) / FADE_S, 0.0, 1.0).astype(np.float32)
 
 
 class _Pages:

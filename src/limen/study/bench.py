@@ -6,10 +6,10 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -19,17 +19,19 @@ from limen.data import ingest, sample_image
 from limen.data.image.file import Image, open_image
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
+from limen.frame.renderer import Renderer
 from limen.gpu.device import Device, open_device
-from limen.layers.image.draw.drawer import Sampling
 from limen.layers.image.draw.feedback import Feedback
-from limen.layers.image.renderer import LOOKAHEAD_S, Renderer, select_ahead
+from limen.layers.image.layer import LOOKAHEAD_S, ImageLayer, Sampling, select_ahead
 from limen.layers.image.select import ImageOnDisplay, select, view_of
-from limen.stream.chunks import completed
-from limen.stream.pages import PageStream
+from limen.stream.allocators import Slots
+from limen.stream.chunks import ChunkStream, completed
+from limen.stream.pages import drawable_pages, page_streaming
 from limen.study.bench_lens import LensRow, bench_lens
 from limen.study.bench_panels import PanelsRow, bench_panels
 from limen.study.blank_source import Blank
 from limen.study.charts import CHARTS, chart
+from limen.study.frames import frame_of
 from limen.study.kernels import kernel_rows
 from limen.study.observer import Observer
 from limen.track.walk import session_named
@@ -39,10 +41,21 @@ from limen.viewing.standing import standing_viewer
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
-__all__ = ["BENCHES", "Measured", "Table", "Walk", "bench_image", "measure_walk", "one_to_one_room", "walk_viewers"]
+__all__ = [
+    "BENCHES",
+    "Measured",
+    "Table",
+    "Walk",
+    "bench_image",
+    "blank_stream",
+    "measure_walk",
+    "one_to_one_room",
+    "walk_viewers",
+]
 
 Say = Callable[[str], None]
 _KINDS: tuple[Sampling, ...] = ("sharp", "fast")
+_SLOTS = 16_384
 _CHART_PX = 544  # a little more than the observer's 256 samples at 0.64 arcminutes for two pixels
 _FILTERS = (
     ("box", "bilinear"),
@@ -74,6 +87,11 @@ def one_to_one_room() -> ImageOnDisplay:
     """All 416 panels of the Reality Deck, a texel on every pixel."""
     deck = Display.preset("reality-deck")
     return view_of(deck, Pyramid.of(one_to_one_size_px(deck)), OnSurface("one-to-one"))
+
+
+def blank_stream(pyramid: Pyramid) -> ChunkStream[Any]:
+    """Blank pages on their way to 16,384 slots, before which as many may wait."""
+    return replace(page_streaming(Blank(pyramid)), kept=_SLOTS).stream(Slots(_SLOTS), threads=2)
 
 
 def walk_viewers(seconds: float, rate_hz: float = 60.0) -> Iterator[tuple[Viewer, ...]]:
@@ -155,14 +173,14 @@ def measure_walk(view: ImageOnDisplay, policy: Policy, seconds: float, ahead_s: 
     """Select and stream every frame with 64 uploads each, decoding (of blank pages) always done in time."""
     walk = Walk([], [], [], [])
     earlier: tuple[Viewer, ...] = ()
-    with PageStream(Blank(view.pyramid), slots=16_384, kept=16_384, per_frame=64) as stream:
+    with blank_stream(view.pyramid) as stream:
         for number, viewers in enumerate(walk_viewers(seconds)):
             begin = time.perf_counter()
             cut = select(view, tolerance_of(viewers, policy))
-            soon = select_ahead(view, policy, viewers, earlier, ahead_s)
+            soon = select_ahead(view, policy, viewers, earlier, ahead_s) if ahead_s else None
             middle = time.perf_counter()
             update = stream.update(cut.pages, soon=soon)
-            stream.drawable(cut.pair_page)
+            stream.touch(drawable_pages(view.pyramid, stream.resident, cut.pair_page)[1])
             end = time.perf_counter()
             earlier = viewers
             while not stream.idle:
@@ -220,18 +238,19 @@ def _drawing(quick: bool) -> list[Measured]:
 
 
 def _draw(device: Device, image: Image, kind: Sampling, repeats: int) -> list[Measured]:
-    display = Display.preset("desktop")
+    display, placement = Display.preset("desktop"), OnSurface("cover")
     viewer = standing_viewer(display)
     rows = []
-    with Renderer(device, display, image, OnSurface("cover"), sampling=kind) as renderer:
+    with Renderer(device, display, [ImageLayer(image, placement, sampling=kind)]) as renderer:
         for policy in (Policy("full"), Policy()):
-            next(iter(renderer.pictures([viewer], policy)))
-            drawn = [_timed(lambda: next(iter(renderer.pictures([viewer], policy)))) for _ in range(repeats)]  # noqa: B023
+            frame = frame_of(renderer, [viewer], policy=policy)
+            next(iter(renderer.pictures(frame)))
+            drawn = [_timed(lambda: next(iter(renderer.pictures(frame)))) for _ in range(repeats)]  # noqa: B023
             rows.append(
                 Measured(f"2560 x 1440 panel, {kind}, {policy.name}: draw + read", statistics.median(drawn), "ms")
             )
         if kind == "sharp":
-            feedback = Feedback(device, renderer.view)
+            feedback = Feedback(device, view_of(display, image.pyramid, placement))
             tolerance = tolerance_of([viewer], Policy())
             passes = [_timed(lambda: (feedback.run(tolerance), feedback.read())) for _ in range(repeats)]
             rows.append(Measured("feedback pass of a panel at 1/8, with read back", statistics.median(passes), "ms"))

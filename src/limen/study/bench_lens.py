@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar, NamedTuple
 
@@ -22,18 +23,25 @@ import numpy as np
 from limen.data.pages import PAGE, Pyramid
 from limen.display.display import Display
 from limen.display.panel import Panel
+from limen.display.quilt import Quilt
+from limen.frame.renderer import Renderer
 from limen.gpu.device import open_device
+from limen.layers.image.draw.drawer import ImageDrawer
+from limen.layers.image.draw.lens_mesh import Triangles
+from limen.layers.image.layer import ImageLayer
 from limen.layers.image.lens_cells import lens_cells
-from limen.layers.image.renderer import Renderer
+from limen.layers.image.select import ImageOnDisplay
 from limen.study.blank_source import Blank
+from limen.study.frames import frame_of
 from limen.viewing.lens import Lens, shown_at
 from limen.viewing.placement import OnSurface
 from limen.viewing.policy import Policy
+from limen.viewing.state import FrameState
 from limen.viewing.tessellation import Tessellation
 from limen.viewing.viewer import Viewer
 from limen.vision.acuity import SNELLEN_ARCMIN, optimal_distance_m
 
-__all__ = ["LENSES", "LensPicture", "LensRow", "aims", "bench_lens", "measured", "wall"]
+__all__ = ["LENSES", "DrawnLenses", "LensPicture", "LensRow", "aims", "bench_lens", "drawn_lenses", "measured", "wall"]
 
 Say = Callable[[str], None]
 
@@ -84,6 +92,14 @@ class LensRow(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         )  # fmt: skip
 
 
+class DrawnLenses(NamedTuple):
+    """What a frame's last quilt shows through lenses, and in which triangles."""
+
+    view: ImageOnDisplay
+    quilt: Quilt
+    triangles: Triangles
+
+
 class LensPicture(NamedTuple):
     """What was drawn through lenses once."""
 
@@ -116,17 +132,27 @@ def wall() -> Display:
     return Display("wall", tuple(panels))
 
 
-def measured(renderer: Renderer, samples: int = _SAMPLES) -> LensPicture:
-    """How far from where it belongs the last quilt's triangles draw what they show.
+def drawn_lenses(renderer: Renderer, frame: FrameState) -> DrawnLenses:
+    """Draw a frame of one image, of what is there of it, and read back the triangles of its last quilt."""
+    chosen = renderer.choose(frame)
+    renderer.draw(chosen, len(renderer.quilts) - 1)
+    (piece,) = chosen.pieces
+    drawer = piece.shown.drawer
+    assert isinstance(drawer, ImageDrawer)
+    return DrawnLenses(piece.cut.parts[-1].view, renderer.quilts[-1], drawer.lens_mesh.read())
+
+
+def measured(drawn: DrawnLenses, samples: int = _SAMPLES) -> LensPicture:
+    """How far from where it belongs a quilt's triangles draw what they show.
 
     Each place that a triangle shows at a pixel belongs where the lenses' inverse says (`limen.viewing.lens.shown_at`,
     in double precision). Asked are the middles of triangles and of their sides, and ``samples`` places at random, as
     many in each.
     """
-    view, triangles = renderer.view, renderer.lens_triangles()
+    view, quilt, triangles = drawn
     assert view.maps is not None
     assert isinstance(view.placement, OnSurface)
-    panel = np.array(renderer.quilts[0].panels)[triangles.panel]
+    panel = np.array(quilt.panels)[triangles.panel]
     scale, offset = view.maps.scale[panel], view.maps.offset[panel]
     texel = triangles.texel + (np.floor(offset / PAGE) * PAGE)[:, None]
     places = np.array([[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3, 1 / 3, 1 / 3]])
@@ -150,7 +176,7 @@ def bench_lens(quick: bool, say: Say) -> list[LensRow]:
     rows: list[LensRow] = []
     with open_device() as device:
         say(f"two by two panels of 1280 x 720 and {_PITCH_M * 1e3:g} mm, on {device.adapter_name}")
-        with Renderer(device, display, Blank(Pyramid.of(_IMAGE_PX)), OnSurface("cover")) as renderer:  # type: ignore[arg-type]
+        with Renderer(device, display, [ImageLayer(Blank(Pyramid.of(_IMAGE_PX)))]) as renderer:  # type: ignore[arg-type]
             for count, lenses in LENSES.items():
                 for distance_m in (nearest,) if quick else (nearest, 9 * _FEET_M, 20 * _FEET_M):
                     say(f"{count} lenses at {distance_m:.2f} m" if count > 1 else f"one lens at {distance_m:.2f} m")
@@ -161,19 +187,25 @@ def bench_lens(quick: bool, say: Say) -> list[LensRow]:
 
 
 def _rows(renderer: Renderer, lenses: tuple[Lens, ...], distance_m: float, frames: int) -> Iterator[LensRow]:
-    low, high = renderer.view.display.bounds_m
+    low, high = renderer.display.bounds_m
     across, up, _ = (low + high) / 2
     viewers, policy = [Viewer((float(across), float(up), distance_m))], Policy("acuity", SNELLEN_ARCMIN)
 
+    def frame(way: _Way) -> FrameState:
+        placement = OnSurface("cover", lenses=lenses, tessellation=way.tessellation)
+        return frame_of(renderer, [] if way.nobody else viewers, policy=policy, placement=placement)
+
     def draw(way: _Way) -> float:
-        """Draw a frame; how long that took, in ms."""
-        renderer.place(OnSurface("cover", lenses=lenses, tessellation=way.tessellation))
-        reports = [report for _, _, report in renderer.pictures([] if way.nobody else viewers, policy)]
-        return sum(report.draw_ms for report in {id(report): report for report in reports}.values())
+        """Draw a frame and read it back; how long that took, in ms."""
+        begin = time.perf_counter()
+        reports = {id(report): report for _, _, report in renderer.pictures(frame(way))}
+        spent_ms = (time.perf_counter() - begin) * 1e3
+        rows = [row for report in reports.values() for row in report.layers]
+        return spent_ms - sum(row.select_ms + row.stream_ms for row in rows)
 
     def of(way: _Way) -> LensPicture:
         draw(way)
-        return measured(renderer)
+        return measured(drawn_lenses(renderer, frame(way)))
 
     plain = [_Way(mode, Tessellation(mode)) for mode in ("exact", "coarse", "uniform", "acuity", "error")]
     found = {way: of(way) for way in plain}

@@ -30,18 +30,21 @@ from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
 from limen.display.quilt import pack
 from limen.errors import InputError
+from limen.frame.renderer import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
 from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.mesh.draw.folded import mesh_of_nodes
-from limen.layers.mesh.renderer import SceneRenderer, Simplified
+from limen.layers.mesh.layer import MeshLayer
 from limen.layers.mesh.select import FoldRequest, FoldTree, select_mesh
 from limen.study.bench_points import PeerRow
+from limen.study.frames import frame_of
 from limen.study.mesh_peers import PEERS, missing_package
 from limen.study.observer import WINDOW_PX, Observer, light_of, missing_packages
 from limen.study.peers import INSTALL
 from limen.study.surfaces import surface_error
 from limen.study.verify_scene import Pose, monitor, pixels_per_degree, random_poses, random_windows, standing
+from limen.viewing.placement import InRoom
 from limen.viewing.policy import Policy
 from limen.viewing.projection import QuiltPanels
 from limen.viewing.tolerance import tolerance_of
@@ -199,14 +202,15 @@ def _judged(
 ) -> tuple[list[PeerRow], MeshComparison]:
     """The observer's verdict on the same windows of every way's pictures, and outlines that differ."""
     scene, observer = _Scene.of(mesh, views), Observer()
-    budget = Simplified(foldable, Policy("budget", max_items=most))
+    layers = {
+        "all triangles": MeshLayer(mesh),
+        "limen": MeshLayer(mesh, policy=Policy("budget", max_items=most), tree=foldable),
+        **{peer: MeshLayer(simple) for peer, simple in made.items()},
+    }
     with contextlib.ExitStack() as held:
         renderers = {
-            maker: held.enter_context(SceneRenderer(device, scene.display, shown, simplified=simplified))
-            for maker, shown, simplified in (
-                ("all triangles", mesh, None), ("limen", mesh, budget), *((peer, m, None) for peer, m in made.items())
-            )
-        }  # fmt: skip
+            maker: held.enter_context(Renderer(device, scene.display, [layer])) for maker, layer in layers.items()
+        }
         found = [_seen(scene, pose, renderers, observer) for pose in scene.poses]
     rows = []
     for maker in ("limen", *made):
@@ -219,11 +223,11 @@ def _judged(
     return rows, min(found, key=lambda each: min(each.jod.values()))
 
 
-def _seen(scene: _Scene, pose: Pose, renderers: dict[str, SceneRenderer], observer: Observer) -> MeshComparison:
+def _seen(scene: _Scene, pose: Pose, renderers: dict[str, Renderer], observer: Observer) -> MeshComparison:
     pictures = {}
     for maker, renderer in renderers.items():
-        renderer.room_from_mesh = scene.stands(pose)
-        ((_, picture, _),) = renderer.pictures(scene.viewer)
+        frame = frame_of(renderer, [scene.viewer], placement=InRoom.of(scene.stands(pose)))
+        ((_, picture, _),) = renderer.pictures(frame)
         pictures[maker] = picture[..., :3].copy()
     full = pictures["all triangles"]
     rate = pixels_per_degree(scene.display.panels[0], scene.viewer)

@@ -15,61 +15,42 @@ import itertools
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import cache, partial
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from limen.data import Mesh, torus_knot
-from limen.display import shapes
-from limen.display.display import Display
-from limen.display.mesh import PolygonMesh, panels_of_mesh
-from limen.display.packing import pack_outlines
+from limen.data import torus_knot
 from limen.errors import DeviceLimitError
-from limen.geometry import Floats
+from limen.geometry import Floats, as_vec3
 from limen.gpu.device import Device, open_device
-from limen.layers.mesh.draw.drawer import SceneLayer
+from limen.gpu.targets import Targets
+from limen.layers.mesh.draw.drawer import MeshDrawer
+from limen.layers.mesh.layer import MeshLayer, MeshPart, nearest_m
 from limen.study.baselines.methods import METHODS, Method
-from limen.viewing.projection import QuiltPanels
+from limen.study.panels_stage import DISPLAYS, PanelsScene, stage
+from limen.viewing.projection import QuiltView
 
 __all__ = [
-    "DISPLAYS",
     "Budget",
     "PanelsRow",
-    "PanelsScene",
     "Point",
     "aims",
     "bench_panels",
     "measure",
     "points",
-    "stage",
 ]
 
 Say = Callable[[str], None]
-
-DISPLAYS: dict[str, tuple[str, dict[str, float]]] = {
-    "icosahedron": ("icosahedron", {}),
-    "120": ("disdyakis-triacontahedron", {}),
-    "sphere-840": ("sphere", {"columns": 40, "rows": 21}),
-    "spring": ("spring", {}),
-    "teapot": ("teapot", {}),
-    "knot": ("knot", {}),
-    "icosphere": ("icosphere", {}),
-    "sphere": ("sphere", {}),
-}
-"""Shapes and their parameters; the icosphere's 1,280 panels have aims of their own."""
-
 
 _EVERY: tuple[Method, ...] = tuple(METHODS)
 _TWO: tuple[Method, ...] = ("limen", "paper")
 _TRIANGLES = 69_716
 _MPX = 1 << 20
-_FILL = 0.8  # of a packed quilt, about
-_RADII = 3.0  # from the middle of a display to the eye, in radii of the display
-_SCENE = 0.9  # of a display's radius
 _QUICK_LIMIT_S, _FULL_LIMIT_S = 2.5, 20.0
 
 
@@ -124,23 +105,6 @@ class Point(NamedTuple):
     triangles: int
     quilt_px: int
     methods: tuple[Method, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class PanelsScene:
-    """A display with its quilt, and the sizes of the scene and the walk around it, metres."""
-
-    windows: QuiltPanels
-    scene_m: float
-    eye_m: float
-
-    def eyes_m(self, frames: int) -> Iterator[Floats]:
-        """Places on a walk around the display, up and down on the way: shape (1, 3) each."""
-        for number in range(frames):
-            turn = 0.3 + 2 * math.pi * number / max(frames, 1)
-            up = 0.25 * math.sin(2 * turn)
-            flat = math.sqrt(1 - up * up)
-            yield self.eye_m * np.array([[flat * math.sin(turn), up, flat * math.cos(turn)]])
 
 
 class _Times(NamedTuple):
@@ -229,30 +193,15 @@ def aims(rows: Sequence[PanelsRow]) -> list[str]:
     return found
 
 
-@cache
-def stage(name: str, quilt_px: int) -> PanelsScene:
-    """One of `DISPLAYS` around the room's origin, as finely as makes a quilt of about that many pixels."""
-    kind, parameters = DISPLAYS[name]
-    mesh = _icosphere() if kind == "icosphere" else shapes.shape(kind, **parameters)
-    coarse = Display(name, tuple(panels_of_mesh(mesh, name, 0.01)))
-    area_m2 = sum(_area_px2(panel.lit_outline_px) * math.prod(panel.pitch_m) for panel in coarse.panels)
-    pitch_m = math.sqrt(area_m2 / (_FILL * quilt_px))
-    display = Display(name, tuple(panels_of_mesh(mesh, name, pitch_m)))
-    quilt = pack_outlines(display, max_size_px=16_384, max_px=2 * quilt_px)[0]
-    half = (mesh.corners.max(axis=0) - mesh.corners.min(axis=0)) / 2
-    return PanelsScene(
-        QuiltPanels(display, quilt), _SCENE * float(np.prod(half) ** (1 / 3)), _RADII * float(half.max())
-    )
-
-
 def measure(device: Device, point: Point, *, frames: int, budget: Budget) -> list[PanelsRow]:
     """Rows of one point, a way each; what the budget forbids has a note instead of times."""
     scenery = stage(point.display, point.quilt_px)
     mesh = torus_knot(point.triangles)
     panels = len(scenery.windows.quilt.panels)
-    scene = _Scene(device, mesh, scenery, np.diag([scenery.scene_m] * 3 + [1.0]))
+    part = MeshPart(np.diag([scenery.scene_m] * 3 + [1.0]))
+    scene = _Scene(device, MeshLayer(mesh), scenery, part, Targets(device), mesh.bounds)
     predicted_s = {method: budget.predicted_s(method, panels, mesh.size) for method in point.methods}
-    layers: dict[Method, SceneLayer] = {}
+    drawers: dict[Method, MeshDrawer] = {}
     notes: dict[Method, str] = {}
     pairs: dict[Method, int] = {}
     times: dict[Method, list[_Times]] = {method: [] for method in point.methods}
@@ -262,22 +211,23 @@ def measure(device: Device, point: Point, *, frames: int, budget: Budget) -> lis
             try:
                 if predicted_s[method] > budget.limit_s:
                     raise DeviceLimitError(f"a frame would take about {predicted_s[method]:.0f} s")
-                layers[method] = scene.layer(method)
+                drawers[method] = scene.drawer(method)
             except DeviceLimitError as error:
                 notes[method] = f"not measured: {error}"
         for number, eye_m in enumerate(scenery.eyes_m(frames)):
             # Whoever draws first finds other things in the caches, so they take turns.
-            for method in _turned(list(layers), number):
+            for method in _turned(list(drawers), number):
                 if number == 0 or (number + 1) * predicted_s[method] <= budget.limit_s:
-                    pairs[method], spent = scene.frame(layers[method], eye_m)
+                    pairs[method], spent = scene.frame(drawers[method], eye_m)
                     times[method].append(spent)
                     budget.learn(method, panels, mesh.size, spent.frame)
                     predicted_s[method] = spent.frame
         if point.figure == 18:
-            parts = {method: scene.parts(layer, 3) for method, layer in layers.items() if method in _TWO}
+            parts = {method: scene.parts(method, drawer, 3) for method, drawer in drawers.items() if method in _TWO}
     finally:
-        for layer in layers.values():
-            layer.destroy()
+        for drawer in drawers.values():
+            drawer.destroy()
+        scene.targets.destroy()
     size_px = math.prod(scenery.windows.quilt.size_px)
     empty = PanelsRow(
         figure=point.figure, display=point.display, panels=panels, triangles=mesh.size, quilt_px=size_px, method=""
@@ -296,37 +246,40 @@ class _Scene:
     """What all ways draw."""
 
     device: Device
-    mesh: Mesh
+    layer: MeshLayer
     stage: PanelsScene
-    room_from_mesh: Floats
+    part: MeshPart
+    targets: Targets
+    bounds: NDArray[np.float32]
 
-    def layer(self, method: Method) -> SceneLayer:
-        """A layer that has drawn a frame already, and so has compiled its shaders and made its room.
+    def drawer(self, method: Method) -> MeshDrawer:
+        """A drawer that has drawn a frame already, and so has compiled its shaders and made its room.
 
         Raises
         ------
         DeviceLimitError
             If the adapter has too little memory for it.
         """
-        layer = SceneLayer(self.device, self.mesh, sorter=METHODS[method])
+        drawer = MeshDrawer(self.device, self.layer, sorter=METHODS[method])
         try:
-            self.frame(layer, next(self.stage.eyes_m(1)))
+            self.frame(drawer, next(self.stage.eyes_m(1)))
         except BaseException:
-            layer.destroy()
+            drawer.destroy()
             raise
-        return layer
+        return drawer
 
-    def frame(self, layer: SceneLayer, eye_m: Floats) -> tuple[int, _Times]:
+    def frame(self, drawer: MeshDrawer, eye_m: Floats) -> tuple[int, _Times]:
         """Pairs and times of one frame."""
         begin, begin_cpu = time.perf_counter(), time.process_time()
-        pairs = layer.sort(self.stage.windows, eye_m, self.room_from_mesh)
+        view = self._sort(drawer, eye_m)
         middle, middle_cpu = time.perf_counter(), time.process_time()
-        layer.draw(self.stage.windows)
+        self._draw(drawer, view)
         self.device.wait()
         end, end_cpu = time.perf_counter(), time.process_time()
-        return pairs, _Times(middle - begin, end - begin, middle_cpu - begin_cpu, end_cpu - begin_cpu)
+        times = _Times(middle - begin, end - begin, middle_cpu - begin_cpu, end_cpu - begin_cpu)
+        return drawer.triangles(wait=True), times
 
-    def parts(self, layer: SceneLayer, frames: int) -> dict[str, float]:
+    def parts(self, method: Method, drawer: MeshDrawer, frames: int) -> dict[str, float]:
         """Milliseconds of the parts of a frame, by what is steadier: processor time on a software adapter.
 
         Every part is run and waited for alone; ``processor`` is what sorting takes beyond the sum of its parts.
@@ -340,21 +293,41 @@ class _Scene:
             self.device.wait()
             spent.setdefault(name, []).append((clock() - begin) * 1e3)
 
-        windows = self.stage.windows
-        for eye_m in self.stage.eyes_m(frames):
-            timed("sort", partial(layer.sort, windows, eye_m, self.room_from_mesh))
-            for name, steps in layer.sorter.parts.items():
-                timed(name, partial(layer.sorter.submit, steps))
-            timed("drawing", partial(layer.draw, windows))
-            timed("shared", partial(layer.draw, windows, depth="shared"))
+        deep = MeshDrawer(self.device, replace(self.layer, depth="shared"), sorter=METHODS[method])
+        try:
+            for eye_m in self.stage.eyes_m(frames):
+                timed("sort", partial(self._sort, drawer, eye_m))
+                for name, steps in drawer.sorter.parts.items():
+                    timed(name, partial(drawer.sorter.submit, steps))
+                view = self._sort(deep, eye_m)
+                timed("drawing", partial(self._draw, drawer, view))
+                timed("shared", partial(self._draw, deep, view))
+        finally:
+            deep.destroy()
         medians = {name: statistics.median(values) for name, values in spent.items()}
-        sorting = {name: medians[name] for name in layer.sorter.parts}
+        sorting = {name: medians[name] for name in drawer.sorter.parts}
         return {
             "processor": max(medians["sort"] - sum(sorting.values()), 0.0),
             **sorting,
             "drawing": medians["drawing"],
             "depth by fragments": max(medians["shared"] - medians["drawing"], 0.0),
         }
+
+    def _sort(self, drawer: MeshDrawer, eye_m: Floats) -> QuiltView:
+        """The first half of a frame: what the eye sees of the panels, and which triangles touch which of them."""
+        windows = self.stage.windows
+        ahead = windows.middle_m - eye_m[0]
+        view = QuiltView.of(windows, list(eye_m), as_vec3(ahead / np.linalg.norm(ahead), "ahead"))
+        view = view.beginning_at(nearest_m(self.bounds, self.part.room_from_mesh, view.eyes_m))
+        drawer.prepare(view, self.part, "")
+        return view
+
+    def _draw(self, drawer: MeshDrawer, view: QuiltView) -> None:
+        """The second half: everything that was sorted."""
+        _, target = self.targets.target(view.size_px)
+        encoder = self.device.wgpu.create_command_encoder(label="frame")
+        drawer.draw(encoder, target, view, self.part, "")
+        self.device.wgpu.queue.submit([encoder.finish()])
 
 
 def _filled(row: PanelsRow, times: list[_Times], pairs: int | None, *, by_cpu: bool) -> PanelsRow:
@@ -369,31 +342,3 @@ def _filled(row: PanelsRow, times: list[_Times], pairs: int | None, *, by_cpu: b
 def _turned(methods: list[Method], number: int) -> list[Method]:
     first = number % max(len(methods), 1)
     return methods[first:] + methods[:first]
-
-
-def _area_px2(corners: Floats) -> float:
-    x, y = corners.T
-    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
-
-
-def _icosphere(splits: int = 3, radius_m: float = 0.45) -> PolygonMesh:
-    """An icosahedron whose faces were split into four several times: 1,280 triangles."""
-    solid = shapes.icosahedron(radius_m=1.0)
-    corners = list(solid.corners)
-    faces = list(solid.faces)
-    for _ in range(splits):
-        middles: dict[tuple[int, int], int] = {}
-
-        def middle(a: int, b: int, middles: dict[tuple[int, int], int] = middles) -> int:
-            key = (min(a, b), max(a, b))
-            if key not in middles:
-                middles[key] = len(corners)
-                both = corners[a] + corners[b]
-                corners.append(both / np.linalg.norm(both))
-            return middles[key]
-
-        split = [(a, b, c, middle(a, b), middle(b, c), middle(c, a)) for a, b, c in faces]
-        faces = [
-            face for a, b, c, ab, bc, ca in split for face in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        ]
-    return PolygonMesh(np.array(corners) * radius_m, tuple(faces), "icosphere")

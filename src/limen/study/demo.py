@@ -20,12 +20,14 @@ from limen.data.opening import open_picture
 from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
 from limen.errors import NeedsIngestError
+from limen.frame.renderer import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device, open_device
-from limen.layers.image.renderer import Renderer
+from limen.layers.image.layer import ImageLayer
 from limen.layers.image.select import levels_at, select, view_of
 from limen.pictures.files import write_picture
 from limen.pictures.room import draw_room, draw_surface
+from limen.study.frames import frame_of
 from limen.study.moments import Moment, level_tints, telling_moments
 from limen.study.plots import traffic_picture
 from limen.study.report import Crop, Scene, Story, write_report
@@ -137,7 +139,7 @@ class _Tour:
     def scenes(self, watch: Watch) -> list[Scene]:
         """The room, the unrolled wall and the levels at every moment."""
         small = self.display.scaled(_PREVIEW_SCALE)
-        with Renderer(self._device, small, self.image, self.placement) as renderer:
+        with Renderer(self._device, small, [ImageLayer(self.image, self.placement, self.policy)]) as renderer:
             return [self._scene(number, moment, renderer, watch) for number, moment in enumerate(self.moments, 1)]
 
     def _scene(self, number: int, moment: Moment, renderer: Renderer, watch: Watch) -> Scene:
@@ -208,7 +210,7 @@ class _Tour:
         pictures: dict[str, Rgb] = {}
         count = len(self.display.panels)
         with watch(f"drawing {count} panels: {moment.title.lower()}", count) as step:
-            for name, picture, _ in renderer.pictures(moment.viewers, self.policy):
+            for name, picture, _ in renderer.pictures(frame_of(renderer, moment.viewers)):
                 pictures[name] = picture[..., :3].copy()
                 step(1)
         self._previews = pictures
@@ -221,9 +223,11 @@ class _Tour:
     def _crop(self, index: int, scene: Scene, distance_m: float) -> Crop:
         panel = self.display.panels[index]
         pictures: list[tuple[Rgb, tuple[int, int]]] = []
-        with Renderer(self._device, self.display.part([index]), self.image, self.placement) as renderer:
+        layer = ImageLayer(self.image, self.placement)
+        with Renderer(self._device, self.display.part([index]), [layer], whole=self.display) as renderer:
             for policy in (Policy("full"), self.policy):
-                _, picture, _ = next(iter(renderer.pictures(scene.moment.viewers, policy)))
+                frame = frame_of(renderer, scene.moment.viewers, policy=policy)
+                _, picture, _ = next(iter(renderer.pictures(frame)))
                 pictures.append(_busiest(picture[..., :3], _CROP_PX, pictures[0][1] if pictures else None))
         full, drawn = pictures[0][0], pictures[1][0]
         resolved_px = distance_m * np.tan(arcmin_to_rad(self.policy.acuity_arcmin)) / panel.pitch_m[0]

@@ -16,14 +16,16 @@ from limen.display.packing import pack_outlines
 from limen.geometry import Floats
 from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.mesh.select import FoldRequest, FoldTree, select_mesh
-from limen.layers.points.select import PointsRequest, PointTree, select_points
-from limen.layers.points.stream import PointStream
+from limen.layers.points.layer import PointsLayer
+from limen.stream.allocators import Slots
 from limen.stream.chunks import completed
 from limen.study.traffic import FRAMES_PER_S
 from limen.track.session import Frame, Session
+from limen.viewing.placement import InRoom
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelProjections, QuiltPanels, guard_of
-from limen.viewing.tolerance import STANDS, Tolerance, tolerance_of
+from limen.viewing.projection import QuiltPanels, QuiltView, guard_of
+from limen.viewing.state import FrameState, LayerState
+from limen.viewing.tolerance import STANDS, tolerance_of
 
 __all__ = ["SceneRow", "SceneSession", "SceneTraffic", "count_scene_traffic"]
 
@@ -82,7 +84,7 @@ class _Counted(NamedTuple):
 
 
 class _Source(Protocol):
-    def counted(self, views: PanelProjections, frame: Frame, policy: Policy, shares: Floats) -> _Counted: ...
+    def counted(self, view: QuiltView, frame: Frame, policy: Policy) -> _Counted: ...
     def close(self) -> None: ...
 
 
@@ -112,10 +114,8 @@ def count_scene_traffic(
     """
     quilts = pack_outlines(display, max_size_px=1 << 16, max_px=1 << 31)
     windows = [QuiltPanels(display, quilt, guard_px=guard_of(display, quilt)) for quilt in quilts]
-    whites = [panel.luminance_cd_m2 for panel in display.panels]
-    source: _Source = (
-        _Triangles(content, room_from_content) if isinstance(content, Mesh) else _Splats(content, room_from_content)
-    )
+    counts = _Triangles if isinstance(content, Mesh) else _Splats
+    source: _Source = counts(content, display, room_from_content)  # type: ignore[arg-type]
     every = tuple(dict.fromkeys((*policies, _FULL)))
     counted = []
     try:
@@ -123,10 +123,9 @@ def count_scene_traffic(
             frames = list(session.frames(rate_hz))
             seen: dict[Policy, list[_Counted]] = {policy: [] for policy in every}
             for frame in frames:
-                views = [each.seen_from(frame.viewers[0].position_m) for each in windows]
+                views = [QuiltView.of(each, [frame.viewers[0].position_m]) for each in windows]
                 for policy in every:
-                    shares = acuity_scale(policy, whites)
-                    parts = [source.counted(view, frame, policy, shares) for view in views]
+                    parts = [source.counted(view, frame, policy) for view in views]
                     seen[policy].append(
                         _Counted(
                             sum(part.items for part in parts),
@@ -148,13 +147,15 @@ def count_scene_traffic(
 
 
 class _Triangles:
-    def __init__(self, mesh: Mesh, room_from_mesh: Floats) -> None:
+    def __init__(self, mesh: Mesh, display: Display, room_from_mesh: Floats) -> None:
         self._foldable, self._stands = FoldTree(tree_of(mesh)), room_from_mesh
+        self._whites = [panel.luminance_cd_m2 for panel in display.panels]
 
-    def counted(self, views: PanelProjections, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
-        if not views.facing.any():
+    def counted(self, view: QuiltView, frame: Frame, policy: Policy) -> _Counted:
+        if not view.facing.any():
             return _Counted(0, 0, 0.0)
-        sight = FoldRequest((views,), self._stands, _allowed(frame, policy), policy, shares)
+        tolerance = tolerance_of(frame.viewers, policy.eyesight, STANDS)
+        sight = FoldRequest(view.eyes, self._stands, tolerance, policy, acuity_scale(policy, self._whites))
         cut = select_mesh(self._foldable, sight)
         used = int(np.bincount(cut.triangles.ravel(), minlength=1).astype(bool).sum())
         return _Counted(len(cut), 3 * _INDEX_BYTES * len(cut) + _VERTEX_BYTES * used, cut.reached)
@@ -164,27 +165,22 @@ class _Triangles:
 
 
 class _Splats:
-    def __init__(self, points: Points, room_from_file: Floats) -> None:
-        self._tree = PointTree.of(points)
-        self._stream = PointStream(points, slots=_SLOTS)
-        self._stands = np.array(room_from_file, dtype=float)
-        self._stands[:3, 3] += self._stands[:3, :3] @ points.origin
+    def __init__(self, points: Points, display: Display, room_from_file: Floats) -> None:
+        self._selector = PointsLayer(points, lit=True).selector(display, display)
+        (source,) = self._selector.sources
+        self._stream = source.stream(Slots(min(_SLOTS, points.chunks)), threads=2)
+        self._stands = InRoom.of(room_from_file)
 
-    def counted(self, views: PanelProjections, frame: Frame, policy: Policy, shares: Floats) -> _Counted:
-        sight = PointsRequest(views, self._stands, _allowed(frame, policy), policy, shares)
-        cut = select_points(self._tree, self._stream.nodes, sight)
-        if not self._stream.resident.mask[cut.wanted].all():
-            for _ in completed([(self._stream, cut.wanted)]):
-                pass
-            cut = select_points(self._tree, self._stream.nodes, sight)
+    def counted(self, view: QuiltView, frame: Frame, policy: Policy) -> _Counted:
+        state, asked = LayerState(placement=self._stands, policy=policy), FrameState(viewers=frame.viewers)
+        chosen = self._selector.select([view], state, asked, [self._stream.resident], live=False)
+        for number, update in completed([(self._stream, chosen.wanted[0])]):
+            self._selector.take(number, update)
+        cut = self._selector.resolve(chosen, [self._stream.resident]).parts[0].cut
         return _Counted(len(cut), _SPLAT_BYTES * len(np.unique(cut.pairs[:, 0])), cut.reached)
 
     def close(self) -> None:
         self._stream.close()
-
-
-def _allowed(frame: Frame, policy: Policy) -> Tolerance:
-    return tolerance_of(frame.viewers, policy.eyesight, STANDS)
 
 
 def _row(policy: Policy, counted: Sequence[_Counted], full_bytes: float) -> SceneRow:

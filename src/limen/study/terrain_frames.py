@@ -16,18 +16,20 @@ from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
 from limen.display.panel import Panel
+from limen.frame.renderer import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device
+from limen.layers.terrain.layer import TerrainLayer
 from limen.layers.terrain.look import TerrainLook
-from limen.layers.terrain.renderer import TerrainRenderer
-from limen.layers.terrain.selector import Choice, Scenery, TerrainSelector, TerrainSettings
+from limen.layers.terrain.selector import Choice, TerrainSettings
 from limen.study.error_kernels import measure_residuals
 from limen.study.terrain_peers import INSTALL, missing_package
 from limen.study.terrain_table import Table2Row, at_wall_centre, table2_rows
 from limen.study.terrain_vtk import FullGrid, hillshade
 from limen.study.triangulations import Posts, drawn
+from limen.viewing.panel_demands import panel_demands
 from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelProjections
+from limen.viewing.projection import PanelProjections, QuiltPanels, QuiltView, guard_of
 from limen.viewing.standing import standing_viewer
 from limen.viewing.viewer import Viewer
 
@@ -111,14 +113,16 @@ def table2(device: Device, terrain: Terrain, frames: int, say: Say, display: Dis
     As in the paper one fixed camera sees the whole wall, and the user before the wall's centre decides about detail.
     """
     wall = display or Display.preset("rostock")
-    settings = TerrainSettings(camera="fixed", rule="middle")
-    reference_m = standing_viewer(wall).position_m
+    camera_m = standing_viewer(wall).position_m
+    layer = TerrainLayer(
+        terrain, settings=TerrainSettings(rule="middle"), policy=Policy("scheel"), reference_m=camera_m
+    )
     found = []
-    with TerrainRenderer(device, wall, terrain, settings=settings, reference_m=reference_m) as renderer:
+    with Renderer(device, wall, [layer], eye_m=camera_m) as renderer:
         for row in table2_rows(wall):
             say(f"{len(wall.panels)} panels, {row.distance_m:g} m")
             viewer = at_wall_centre(wall, row.distance_m)
-            triangles, times = measure_frames(device, renderer, viewer, Policy("scheel"), frames)
+            triangles, times = measure_frames(device, renderer, viewer, frames)
             found.append(
                 Table2(
                     **msgspec.structs.asdict(row), frame_ms=times.frame_ms, frame_cpu_ms=times.cpu_ms,
@@ -128,18 +132,17 @@ def table2(device: Device, terrain: Terrain, frames: int, say: Say, display: Dis
     return found
 
 
-def measure_frames(
-    device: Device, renderer: TerrainRenderer, viewer: Viewer, policy: Policy, frames: int
-) -> tuple[int, Times]:
+def measure_frames(device: Device, renderer: Renderer, viewer: Viewer, frames: int) -> tuple[int, Times]:
     """Triangles and times of frames whose patches and pages are there: choosing, joining, and drawing, to its end."""
-    for _ in renderer.pictures([viewer], policy):
+    seen = renderer.state(0.0, viewers=(viewer,))
+    for _ in renderer.pictures(seen):
         pass  # waits until all that is wanted is there
     fence = device.wgpu.create_buffer(size=4, usage=wgpu.BufferUsage.COPY_SRC)
     triangles = 0
 
     def frame() -> None:
         nonlocal triangles
-        triangles = renderer.frame([viewer], policy).triangles
+        triangles = renderer.frame(seen).layers[0].drawn
         device.wgpu.queue.read_buffer(fence, size=4)  # comes after all that was submitted
 
     times = timed(frame, frames, by_cpu=device.is_software)
@@ -178,18 +181,19 @@ def frame_rows(
     """Limen under the policy ``acuity`` and VTK's full grid, the same view of all of the terrain."""
     display, viewer = stage = stage or one_panel()
     policy, eye_m = Policy("acuity"), np.array(viewer.position_m)
-    choice, room_from_posts = choice_of(terrain, stage, policy)
+    choice = choice_of(terrain, stage, policy)
     say("limen on one panel")
-    seen = displacement(terrain, posts, choice, room_from_posts)
+    seen = displacement(terrain, posts, choice)
     allowed_px = float(choice.allowed_px[0])
-    with TerrainRenderer(device, display, terrain, look=LOOK, reference_m=viewer.position_m) as renderer:
-        triangles, times = measure_frames(device, renderer, viewer, policy, frames)
+    layer = TerrainLayer(terrain, LOOK, policy=policy, reference_m=viewer.position_m)
+    with Renderer(device, display, [layer]) as renderer:
+        triangles, times = measure_frames(device, renderer, viewer, frames)
     rows = [_row("limen", triangles, times, allowed_px, seen.error_px)]
     missing = missing_package("vtk")
     if missing:
         say(f"vtk: skipped, {missing} is not installed ({INSTALL})")
         return rows
-    grid = FullGrid(posts, room_from_posts, display.panels[0], eye_m, hillshade(posts, LOOK))
+    grid = FullGrid(posts, choice.room_from_posts, display.panels[0], eye_m, hillshade(posts, LOOK))
     try:
         say(f"VTK on one panel ({grid.renderer_name})")
         grid.draw()
@@ -206,17 +210,14 @@ def _row(method: str, triangles: int, times: Times, allowed_px: float, error_px:
     )  # fmt: skip
 
 
-def choice_of(terrain: Terrain, stage: TerrainPanel, policy: Policy) -> tuple[Choice, Floats]:
+def choice_of(terrain: Terrain, stage: TerrainPanel, policy: Policy) -> Choice:
     """What limen draws for a viewer who is the reference eye, too, and where the terrain stands."""
     display, viewer = stage
     quilt = pack_outlines(display)[0]
-    scenery = Scenery(
-        terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid, None, None
-    )
-    sight = TerrainSelector(
-        scenery, display, [quilt], TerrainSettings(), whole=display, reference_m=viewer.position_m
-    )  # fmt: skip
-    return sight.choose(quilt, [viewer], sight.demands([viewer], policy, [])), sight.room_from_posts
+    sight = TerrainLayer(terrain, reference_m=viewer.position_m).selector(display, display)
+    stands = sight.room_from_posts(sight.settings.look_at)
+    view = QuiltView.of(QuiltPanels(display, quilt, guard_px=guard_of(display, quilt)), [viewer.position_m])
+    return sight.choose(view, stands, panel_demands(display, [viewer], policy))
 
 
 class SeenSurface(NamedTuple):
@@ -227,7 +228,7 @@ class SeenSurface(NamedTuple):
     error_px: float
 
 
-def displacement(terrain: Terrain, posts: Posts, choice: Choice, room_from_posts: Floats) -> SeenSurface:
+def displacement(terrain: Terrain, posts: Posts, choice: Choice) -> SeenSurface:
     """How far the posts in view of a quilt's first panel are from where its patches have them, at most.
 
     Every post is projected from its true place and from that of the drawn surface above or below it; the patches, and
@@ -237,15 +238,16 @@ def displacement(terrain: Terrain, posts: Posts, choice: Choice, room_from_posts
     triangles = drawn((terrain.read_patch(int(patch)) for patch in choice.cut.pair_patch), (columns, rows))
     residuals = np.full(posts.heights_m.shape, np.nan, np.float32)
     measure_residuals(posts.heights_m, triangles.astype(np.int64), residuals)
-    size_px = np.array(choice.quilt.size_px)
+    (eye,), stands = choice.view.eyes, choice.room_from_posts
+    size_px = np.array(choice.view.quilt.size_px)
     count, holes, error_px = 0, 0, 0.0
     for row in range(rows):
         places = np.column_stack([np.arange(columns), np.full(columns, row), posts.heights_m[row].astype(np.float64)])
-        true_px, inside = _projected(choice.views, size_px, room_from_posts, places)
+        true_px, inside = _projected(eye, size_px, stands, places)
         if posts.void is not None:
             inside &= ~posts.void[row]
         places[:, 2] += residuals[row]
-        drawn_px, _ = _projected(choice.views, size_px, room_from_posts, places)
+        drawn_px, _ = _projected(eye, size_px, stands, places)
         off_px = np.linalg.norm(drawn_px - true_px, axis=1)[inside]
         count, holes = count + len(off_px), holes + int(np.isnan(off_px).sum())
         error_px = max(error_px, float(np.nan_to_num(off_px).max(initial=0.0)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,14 +14,17 @@ from limen.data.pages import Pyramid
 from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
-from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
+from limen.layers.base import in_order
 from limen.layers.common.page_detail import Detail
-from limen.layers.terrain.selector import Scenery, TerrainSelector, TerrainSettings, merged
+from limen.layers.terrain.look_at import in_flight
+from limen.layers.terrain.selector import Scenery, TerrainSelector, TerrainSettings
 from limen.study.resolvable import places_of, resolvable_samples
 from limen.study.traffic import FRAMES_PER_S, one_to_one_view
 from limen.track.session import Frame, Session
+from limen.viewing.panel_demands import panel_demands
 from limen.viewing.policy import Policy
+from limen.viewing.projection import QuiltPanels, QuiltView, guard_of
 from limen.viewing.tolerance import tolerance_of
 
 __all__ = ["CountedDrape", "TerrainSession", "TerrainTraffic", "TerrainTrafficRow", "count_terrain_traffic"]
@@ -109,6 +111,7 @@ def count_terrain_traffic(
     *,
     whole: Display | None = None,
     reference_m: Vec3,
+    eye_m: Vec3 | None = None,
     drape: CountedDrape | None = None,
     rate_hz: float = FRAMES_PER_S,
     threads: int = 2,
@@ -121,23 +124,19 @@ def count_terrain_traffic(
     display
         The panels that count; parts of the installation ``whole``.
     settings, reference_m
-        As for `limen.layers.terrain.renderer.TerrainRenderer`; a flight follows the session's clock.
+        As for `limen.layers.terrain.layer.TerrainLayer`; a flight follows the session's clock.
+    eye_m
+        The eye that pictures are drawn for; by default the first viewer's, and ``reference_m`` while there is nobody.
     advance
         Called after every frame.
     """
-    quilts = pack_outlines(display, max_size_px=1 << 16, max_px=1 << 31)
-    scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
-    if drape is not None:
-        scenery = scenery.draped(drape.pyramid, drape.texel_from_post, lambda: drape.detail)
-    sight = TerrainSelector(scenery, display, quilts, settings, whole=whole or display, reference_m=reference_m)
+    counter = _Counter.of(terrain, display, settings, whole or display, reference_m, eye_m, drape)
     every = tuple(dict.fromkeys((*policies, _FULL)))
 
     def look(frame: Frame) -> dict[Policy, _Counted]:
-        own = copy.copy(sight)  # every thread poses its own
-        own.pose(frame.time_s)
-        return {policy: _counted(own, quilts, frame, policy, page_bytes, drape_bytes) for policy in every}
+        views, stands = counter.views(frame), counter.stands(frame)
+        return {policy: counter.counted(views, stands, frame, policy) for policy in every}
 
-    page_bytes, drape_bytes = terrain.mean_page_bytes, 0.0 if drape is None else drape.page_bytes
     places = places_of(one_to_one_view(display))
     counted = []
     with ThreadPoolExecutor(threads) as pool:
@@ -157,28 +156,72 @@ def count_terrain_traffic(
                 )
             )
     return TerrainTraffic(
-        terrain.name, display.name, len(display.panels), display.total_px, terrain.size_posts, rate_hz, page_bytes,
-        drape.page_bytes if drape else None, counted,
+        terrain.name, display.name, len(display.panels), display.total_px, terrain.size_posts, rate_hz,
+        counter.page_bytes, drape.page_bytes if drape else None, counted,
     )  # fmt: skip
 
 
-def _counted(
-    sight: TerrainSelector, quilts: Sequence[Quilt], frame: Frame, policy: Policy, page_bytes: float, drape_bytes: float
-) -> _Counted:
-    demands = sight.demands(frame.viewers, policy, frame.pointers)
-    chosen = [sight.choose(quilt, frame.viewers, demands) for quilt in quilts]
-    patches = np.unique(np.concatenate([each.cut.pair_patch for each in chosen]))
-    table = sight.scenery.patches
-    own = len(merged([(each.pages.pages, each.pages.importance) for each in chosen]))
-    draped = len(merged([(each.drape_pages.pages, each.drape_pages.importance) for each in chosen]))
-    moved = _VERTEX_BYTES * table.vertices[patches].sum() + _TRIANGLE_BYTES * table.triangles[patches].sum()
-    return _Counted(
-        panels=sum(int((each.views.facing & np.isfinite(each.allowed_px)).sum()) for each in chosen),
-        triangles=sum(each.cut.triangles for each in chosen),
-        patches=len(patches),
-        pages=own + draped,
-        bytes=float(moved) + own * page_bytes + draped * drape_bytes,
-    )
+@dataclass(frozen=True, slots=True)
+class _Counter:
+    """A terrain before a display, and what its pages weigh."""
+
+    sight: TerrainSelector
+    panels: Sequence[QuiltPanels]
+    reference_m: Vec3
+    eye_m: Vec3 | None
+    page_bytes: float
+    drape_bytes: float
+
+    @classmethod
+    def of(
+        cls,
+        terrain: Terrain,
+        display: Display,
+        settings: TerrainSettings,
+        whole: Display,
+        reference_m: Vec3,
+        eye_m: Vec3 | None,
+        drape: CountedDrape | None,
+    ) -> _Counter:
+        scenery = Scenery(terrain.size_posts, terrain.spacing_m, terrain.nodes, terrain.patches, terrain.relief.pyramid)
+        if drape is not None:
+            scenery = scenery.draped(drape.pyramid, drape.texel_from_post, lambda: drape.detail)
+        sight = TerrainSelector(scenery, display, settings, whole=whole, reference_m=reference_m)
+        quilts = pack_outlines(display, max_size_px=1 << 16, max_px=1 << 31)
+        guard_px = min(guard_of(display, quilt) for quilt in quilts)
+        panels = [QuiltPanels(display, quilt, guard_px=guard_px) for quilt in quilts]
+        drape_bytes = 0.0 if drape is None else drape.page_bytes
+        return cls(sight, panels, reference_m, eye_m, terrain.mean_page_bytes, drape_bytes)
+
+    def views(self, frame: Frame) -> list[QuiltView]:
+        """All quilts as they are drawn in a frame."""
+        seen_from_m = self.eye_m or (frame.viewers[0].position_m if frame.viewers else self.reference_m)
+        return [QuiltView.of(each, [seen_from_m]) for each in self.panels]
+
+    def stands(self, frame: Frame) -> Floats:
+        """Where the flight has the terrain in a frame."""
+        settings, scenery = self.sight.settings, self.sight.scenery
+        return self.sight.room_from_posts(in_flight(settings.look_at, settings.flight, scenery, frame.time_s))
+
+    def counted(self, views: Sequence[QuiltView], stands: Floats, frame: Frame, policy: Policy) -> _Counted:
+        sight, settings = self.sight, self.sight.settings
+        demands = panel_demands(
+            sight.display, frame.viewers, policy, rule=settings.rule, field_deg=settings.field_deg,
+            pointers=frame.pointers,
+        )  # fmt: skip
+        chosen = [sight.choose(view, stands, demands) for view in views]
+        patches = np.unique(np.concatenate([each.cut.pair_patch for each in chosen]))
+        table = sight.scenery.patches
+        own = len(in_order([(each.pages.pages, each.pages.importance) for each in chosen]))
+        draped = len(in_order([(each.drape_pages.pages, each.drape_pages.importance) for each in chosen]))
+        moved = _VERTEX_BYTES * table.vertices[patches].sum() + _TRIANGLE_BYTES * table.triangles[patches].sum()
+        return _Counted(
+            panels=sum(int((each.view.facing & np.isfinite(each.allowed_px)).sum()) for each in chosen),
+            triangles=sum(each.cut.triangles for each in chosen),
+            patches=len(patches),
+            pages=own + draped,
+            bytes=float(moved) + own * self.page_bytes + draped * self.drape_bytes,
+        )
 
 
 def _row(policy: Policy, counted: Sequence[_Counted], full_bytes: Floats) -> TerrainTrafficRow:

@@ -20,9 +20,11 @@ from limen.data.image.file import Image
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.errors import PageError
+from limen.frame.renderer import Renderer
 from limen.geometry import Floats
 from limen.gpu.device import Device
-from limen.layers.image.renderer import Renderer
+from limen.layers.image.layer import ImageLayer
+from limen.study.frames import frame_of
 from limen.study.observer import Observer, Verdict, light_of, sampled
 from limen.study.windows import Window, cut_display
 from limen.viewing.placement import OnSurface
@@ -143,7 +145,7 @@ def judge_windows(
         If a page of the image could not be read, for what would be judged is the page above it.
     """
     cut = cut_display(display, list(windows))
-    with Renderer(device, cut, image, placement, gpu_bytes=_POOL_BYTES) as renderer:
+    with Renderer(device, cut, [ImageLayer(image, placement)], gpu_bytes=_POOL_BYTES) as renderer:
         for number, window in enumerate(windows):
             panel = cut.panels[number]
             observer = observers[panel.luminance_cd_m2]
@@ -196,7 +198,8 @@ class _Judge:
         return self._drawn[trial.policy, angle]
 
     def _draw(self, viewers: Sequence[Viewer], policy: Policy) -> Floats:
-        ((_, picture, report),) = self._renderer.pictures(viewers, policy, panels=[self._number])
+        frame = frame_of(self._renderer, viewers, policy=policy)
+        ((_, picture, report),) = self._renderer.pictures(frame, panels=[self._number])
         if report.missing:
             raise PageError(f"{report.missing} pages of a window could not be read, so it cannot be judged")
         light, self._samples_per_degree = sampled(light_of(picture[..., :3]), self._window.pixels_per_degree)

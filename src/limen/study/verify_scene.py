@@ -26,13 +26,16 @@ from limen.data.points.file import Points
 from limen.display.display import Display
 from limen.display.panel import Panel
 from limen.errors import InputError
+from limen.frame.renderer import Renderer
 from limen.geometry import Floats, as_vec3
 from limen.gpu.device import Device
-from limen.layers.mesh.renderer import SceneRenderer, Simplified
+from limen.layers.mesh.layer import MeshLayer
 from limen.layers.mesh.select import Extent, FoldTree
-from limen.layers.points.renderer import PointsRenderer
+from limen.layers.points.layer import PointsLayer
+from limen.study.frames import frame_of
 from limen.study.observer import WINDOW_PX, Observer, Verdict, light_of, sampled
 from limen.study.verify import ALIKE, Judged, Trial
+from limen.viewing.placement import InRoom
 from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
 from limen.vision.motion import retinal_velocity_deg_s
@@ -149,7 +152,11 @@ def subject_of(device: Device, content: Mesh | Points, display: Display, extent:
         If the display has several panels.
     """
     check_one_panel(display)
-    return _Mesh(device, content, display, extent) if isinstance(content, Mesh) else _Points(device, content, display)
+    if isinstance(content, Mesh):
+        return _Shown(
+            device, display, MeshLayer(content, tree=FoldTree(tree_of(content)), extent=extent), content.bounds
+        )
+    return _Shown(device, display, PointsLayer(content), content.bounds)
 
 
 def judge_views(
@@ -312,30 +319,15 @@ def _inside(column: int, row: int, shape: tuple[int, ...]) -> tuple[int, int]:
     )
 
 
-class _Mesh:
-    def __init__(self, device: Device, mesh: Mesh, display: Display, extent: Extent) -> None:
-        self.bounds = mesh.bounds
-        self._simplified = Simplified(FoldTree(tree_of(mesh)), _FULL, extent)
-        self._renderer = SceneRenderer(device, display, mesh, simplified=self._simplified)
+class _Shown:
+    def __init__(self, device: Device, display: Display, layer: MeshLayer | PointsLayer, bounds: NDArray[Any]) -> None:
+        self.bounds = bounds
+        self._renderer = Renderer(device, display, [layer])
 
     def picture(self, stands: Floats, viewer: Viewer, policy: Policy, moves: Floats) -> Picture:
-        self._renderer.room_from_mesh, self._renderer.motion = stands, moves
-        self._renderer.simplified = replace(self._simplified, policy=policy)
-        ((_, picture, _),) = self._renderer.pictures(viewer)
-        return picture.copy()
-
-    def close(self) -> None:
-        self._renderer.close()
-
-
-class _Points:
-    def __init__(self, device: Device, points: Points, display: Display) -> None:
-        self.bounds = points.bounds
-        self._renderer = PointsRenderer(device, display, points)
-
-    def picture(self, stands: Floats, viewer: Viewer, policy: Policy, moves: Floats) -> Picture:
-        self._renderer.room_from_file, self._renderer.motion = stands, moves
-        ((_, picture, _),) = self._renderer.pictures([viewer], policy)
+        motion = tuple(moves.ravel().tolist())
+        frame = frame_of(self._renderer, [viewer], placement=InRoom.of(stands), motion=motion, policy=policy)
+        ((_, picture, _),) = self._renderer.pictures(frame)
         return picture.copy()
 
     def close(self) -> None:

@@ -22,7 +22,7 @@ Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, section 3.3
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, TypeAlias, get_args
@@ -103,6 +103,7 @@ class Lens:
     def __post_init__(self) -> None:
         if len(self.centre_px) != 2 or not all(math.isfinite(each) for each in self.centre_px):
             raise InputError(f"lens: centre_px must be two finite numbers, got {self.centre_px}")
+        object.__setattr__(self, "centre_px", tuple(float(each) for each in self.centre_px))
         if not all(0 < each < math.inf for each in self.radii_px):
             raise InputError(f"lens: radius_px must be above 0, got {self.radius_px}: leave the lens out instead")
         if not 1 <= self.magnification < math.inf:
@@ -122,6 +123,19 @@ class Lens:
             table.setflags(write=False)
             object.__setattr__(self, "heights", table)
             _check_falls(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self._values == other._values if isinstance(other, Lens) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
+    @property
+    def _values(self) -> tuple[Hashable, ...]:
+        """What makes two lenses the same, though they came with different messages."""
+        table = None if self.heights is None else (self.heights.shape, self.heights.tobytes())
+        measures = self.centre_px, self.radius_px, self.magnification, self.focus
+        return (*measures, self.drop_off, self.shape, table)
 
     @property
     def radii_px(self) -> tuple[float, float]:
@@ -294,14 +308,21 @@ def _check_falls(lens: Lens) -> None:
     InputError
         If a table makes the sheet come back along a ray from the focus: the lens would fold over.
     """
-    turn = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
-    way = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    way /= np.abs(way).max(axis=-1, keepdims=True)
-    along = np.linspace(0, 1, _PLACES)
-    falls, _ = lens._falls(along[:, None, None] * way)
-    seen = along[:, None] * (1 - (1 - 1 / lens.magnification) * falls)
-    if (np.diff(seen, axis=0) <= 0).any():
+    assert lens.heights is not None
+    if _folds_over(lens.heights.tobytes(), lens.heights.shape, lens.magnification):
         raise InputError(
             "lens: its heights rise again, away from the middle, so that it would fold over: let them fall outward, or "
             "magnify less"
         )
+
+
+@lru_cache(maxsize=64)
+def _folds_over(table: bytes, shape: tuple[int, ...], magnification: float) -> bool:
+    """Kept, because the same lens comes with the message of every frame."""
+    turn = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
+    way = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    way /= np.abs(way).max(axis=-1, keepdims=True)
+    along = np.linspace(0, 1, _PLACES)
+    falls, _ = _interpolated(np.frombuffer(table).reshape(shape), along[:, None, None] * way)
+    seen = along[:, None] * (1 - (1 - 1 / magnification) * falls)
+    return bool((np.diff(seen, axis=0) <= 0).any())

@@ -1,4 +1,4 @@
-"""How an image lies on a display: on its unrolled surface, or on a shape seen through it; and a terrain's camera.
+"""How content lies: an image on a display's surface or on a shape, a mesh in the room, a terrain before a camera.
 
 On the **surface** every panel shows a rectangle of the image, whoever looks from wherever: the map from
 pixels to texels is a scale and an offset per panel. On a **shape** (plane, cylinder, ellipsoid) a pixel shows
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from msgspec.structs import force_setattr
+from numpy.typing import ArrayLike, NDArray
 
 from limen.display.display import Display
 from limen.errors import InputError
@@ -24,6 +26,7 @@ from limen.viewing.viewer import Pointer
 
 __all__ = [
     "FITS",
+    "InRoom",
     "LookAt",
     "OnShape",
     "OnSurface",
@@ -60,8 +63,7 @@ class PanelMaps(NamedTuple):
         return np.asarray(np.abs(self.scale).max(axis=1))
 
 
-@dataclass(frozen=True, slots=True)
-class OnSurface:
+class OnSurface(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     """The image on the display's unrolled surface, centred.
 
     Parameters
@@ -77,6 +79,8 @@ class OnSurface:
         What is looked through, from the image to the eye; see `limen.viewing.lens.Lens`.
     tessellation
         How what is seen through them is drawn.
+    carried
+        Lenses over these that every pointer carries to where it points, wherever they say that they are.
     """
 
     fit: Fit = "contain"
@@ -84,21 +88,31 @@ class OnSurface:
     centre: tuple[float, float] = (0.5, 0.5)
     lenses: tuple[Lens, ...] = ()
     tessellation: Tessellation = _EXACT
+    carried: tuple[Lens, ...] = ()
 
     def __post_init__(self) -> None:
         if self.fit not in FITS:
             raise InputError(f"no fit is named '{self.fit}': there are {', '.join(FITS)}")
         if not (0 < self.zoom < math.inf and all(math.isfinite(value) for value in self.centre)):
             raise InputError(f"zoom must be positive and centre finite, got {self.zoom} and {self.centre}")
-        lenses = self.lenses if isinstance(self.lenses, list | tuple) else (self.lenses,)
-        if not all(isinstance(lens, Lens) for lens in lenses):
-            raise InputError(f"lenses must be of the type limen.Lens, got {self.lenses}")
-        object.__setattr__(self, "lenses", tuple(lenses))
+        for name in ("lenses", "carried"):
+            given = getattr(self, name)
+            lenses = given if isinstance(given, list | tuple) else (given,)
+            if not all(isinstance(lens, Lens) for lens in lenses):
+                raise InputError(f"{name} must be of the type limen.Lens, got {given}")
+            force_setattr(self, name, tuple(lenses))
 
     @property
     def bends(self) -> bool:
         """Whether what is seen at a pixel has to be found for every pixel."""
         return bool(self.lenses)
+
+    def carrying(self, display: Display, size_px: tuple[int, int], pointers: Sequence[Pointer]) -> OnSurface:
+        """The same with all that pointers carry lying where they point, on a whole display."""
+        if not self.carried:
+            return self
+        carried = carried_lenses(display, self.panel_maps(display, size_px), pointers, self.carried)
+        return msgspec.structs.replace(self, lenses=self.lenses + carried, carried=())
 
     def texels_per_m(self, display: Display, size_px: tuple[int, int]) -> float:
         surface = display.surface
@@ -125,8 +139,7 @@ class OnSurface:
         return PanelMaps(scale, offset - scale * arrays.nudge_px)
 
 
-@dataclass(frozen=True, slots=True)
-class OnShape:
+class OnShape(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     """The image on a shape in the room, seen through the panels from one eye point.
 
     Parameters
@@ -155,16 +168,22 @@ class OnShape:
 
     def __post_init__(self) -> None:
         try:
-            for name in ("origin_m", "across", "down"):
-                object.__setattr__(self, name, as_vec3(getattr(self, name), name))
+            for name in ("origin_m", "across", "down", "depth", "eye_m"):
+                given = getattr(self, name)
+                if given is not None:
+                    force_setattr(self, name, as_vec3(given, name))
         except ValueError as error:
             raise InputError(f"placement on a {self.kind}: {error}") from None
         if not 0 < self.turn_deg <= 360:
             raise InputError(
                 f"placement on a {self.kind}: turn_deg must lie above 0 and at most at 360, got {self.turn_deg}"
             )
-        if abs(np.linalg.det(self.frame())) < 1e-12:
-            raise InputError(f"placement on a {self.kind}: across, down and depth must not lie in one plane")
+        with np.errstate(all="ignore"):
+            volume = abs(float(np.linalg.det(self.frame())))
+        if not 1e-12 <= volume < math.inf:
+            raise InputError(
+                f"placement on a {self.kind}: across, down and depth must not lie in one plane or be too long"
+            )
 
     @property
     def bends(self) -> bool:
@@ -205,6 +224,45 @@ class OnShape:
             raise InputError(f"an image on a {self.kind} needs an eye point: give the placement's eye_m or a viewer")
         local = self.local_from_room()
         return np.asarray(local[:3, :3] @ np.array(eye) + local[:3, 3])
+
+
+class InRoom(msgspec.Struct, frozen=True, tag=True):
+    """Content that stands in the room.
+
+    Parameters
+    ----------
+    room_from_content
+        Affine map from its coordinates to the room, metres: three rows of four numbers, one after the other.
+
+    Raises
+    ------
+    InputError
+        If these are no twelve finite numbers.
+    """
+
+    room_from_content: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        numbers = tuple(float(number) for number in self.room_from_content)
+        if len(numbers) != 12 or not all(math.isfinite(number) for number in numbers):
+            raise InputError(f"content is placed by finite numbers of the shape (4, 4) or (3, 4), got {numbers}")
+        force_setattr(self, "room_from_content", numbers)
+
+    @classmethod
+    def of(cls, matrix: ArrayLike) -> InRoom:
+        """By a matrix of the shape (4, 4), or (3, 4) without its last row."""
+        try:
+            rows = np.asarray(matrix, dtype=float)
+        except ValueError:  # rows of several lengths
+            rows = np.zeros(0)
+        if rows.shape not in ((4, 4), (3, 4)):
+            raise InputError(f"content is placed by finite numbers of the shape (4, 4) or (3, 4), not {rows.shape}")
+        return cls(tuple(rows[:3].ravel().tolist()))
+
+    @property
+    def matrix(self) -> Floats:
+        """Shape (4, 4)."""
+        return np.append(np.reshape(self.room_from_content, (3, 4)), [[0.0, 0.0, 0.0, 1.0]], axis=0)
 
 
 Placement: TypeAlias = OnSurface | OnShape
@@ -251,8 +309,7 @@ def one_to_one_size_px(display: Display) -> tuple[int, int]:
     return (max(1, round(surface.width / pitch)), max(1, round(surface.height / pitch)))
 
 
-@dataclass(frozen=True, slots=True)
-class LookAt:
+class LookAt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     """From where a terrain is looked at.
 
     Parameters

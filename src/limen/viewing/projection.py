@@ -18,7 +18,7 @@ Kooima 2009, *Generalized Perspective Projection* (the same picture as an off-ax
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -33,7 +33,16 @@ from limen.display.quilt import Quilt
 from limen.errors import DeviceLimitError
 from limen.geometry import Floats, Vec3
 
-__all__ = ["GUARD_PX", "NEAR_M", "PanelProjections", "QuiltPanels", "check_quilt_sizes", "guard_of", "quilt_from_room"]
+__all__ = [
+    "GUARD_PX",
+    "NEAR_M",
+    "PanelProjections",
+    "QuiltPanels",
+    "QuiltView",
+    "check_quilt_sizes",
+    "guard_of",
+    "quilt_from_room",
+]
 
 NEAR_M = 0.02
 """What is nearer to the eye than about this is cut away, unless it is known where things begin."""
@@ -111,14 +120,19 @@ class QuiltPanels:
         y = w - place[:, 1] * (2 / quilt_height)
         a, b, c = (lines.outline[:, :, number, None] for number in range(3))
         edges = a * across[:, None] + b * along[:, None] + c * w[:, None]
-        farthest = np.linalg.norm(lines.outline_m - np.asarray(eye_m, dtype=float), axis=2).max(axis=1)
-        # A power of two, so that what is told from depth is the same to the last bit whatever else a frame begins with.
-        near = _power_of_two(np.maximum(height, 0) * _GUARDED * near_m / np.maximum(farthest, 1e-300))
         return PanelProjections(
-            np.stack([x, y, w], axis=1), near, edges, _corners(edges, lines.corner_count), lines.corner_count,
-            self.facing(eye_m),
+            np.stack([x, y, w], axis=1), self.near_of(eye_m, near_m), edges, _corners(edges, lines.corner_count),
+            lines.corner_count, self.facing(eye_m),
             np.asarray(eye_m, dtype=float), lines.outline_m,
         )  # fmt: skip
+
+    def near_of(self, eye_m: Vec3 | Floats, near_m: float) -> Floats:
+        """`PanelProjections.near` where nothing nearer to the eye than ``near_m`` is to be seen, shape (N,)."""
+        lines, eye = self._lines, np.asarray(eye_m, dtype=float)
+        height = np.einsum("na,na->n", lines.normal, eye - lines.origin_m)
+        farthest = np.linalg.norm(lines.outline_m - eye, axis=2).max(axis=1)
+        # A power of two, so that what is told from depth is the same to the last bit whatever else a frame begins with.
+        return _power_of_two(np.maximum(height, 0) * _GUARDED * near_m / np.maximum(farthest, 1e-300))
 
     def facing(self, eye_m: Vec3 | Floats) -> NDArray[np.bool_]:
         """Which panels an eye is in front of, shape (N,); one in a panel's plane sees nothing of it."""
@@ -183,6 +197,59 @@ class QuiltPanels:
             outline_m,
             count,
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuiltView:
+    """One quilt as the eyes that it is drawn for see it: what every layer selects by and draws with.
+
+    Parameters
+    ----------
+    panels
+        The quilt's, whatever the eye.
+    eyes
+        What each eye sees of them: one, or two side by side; none where nobody looks.
+    looking
+        Where the first viewer's head points.
+    """
+
+    panels: QuiltPanels
+    eyes: tuple[PanelProjections, ...] = ()
+    looking: Vec3 = (0.0, 0.0, -1.0)
+
+    def __post_init__(self) -> None:
+        if self.eyes and len(self.eyes) != self.panels.copies:
+            raise ValueError(f"windows for {self.panels.copies} eyes were given {len(self.eyes)}")
+
+    @classmethod
+    def of(cls, panels: QuiltPanels, eyes_m: Sequence[Vec3 | Floats], looking: Vec3 = (0.0, 0.0, -1.0)) -> QuiltView:
+        """As eyes at these places see it."""
+        return cls(panels, tuple(panels.seen_from(eye_m, copy) for copy, eye_m in enumerate(eyes_m)), looking)
+
+    def beginning_at(self, near_m: float) -> QuiltView:
+        """The same where nothing is nearer to any eye: the larger, the finer is depth on adapters that need it."""
+        eyes = tuple(eye._replace(near=self.panels.near_of(eye.eye_m, near_m)) for eye in self.eyes)
+        return replace(self, eyes=eyes)
+
+    @property
+    def quilt(self) -> Quilt:
+        return self.panels.quilt
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Of all eyes together."""
+        width, height = self.panels.quilt.size_px
+        return (width * self.panels.copies, height)
+
+    @property
+    def eyes_m(self) -> Floats:
+        """Where the eyes are, shape (E, 3)."""
+        return np.array([eye.eye_m for eye in self.eyes]).reshape(-1, 3)
+
+    @property
+    def facing(self) -> NDArray[np.bool_]:
+        """Which panels the first eye is in front of, shape (N,); all where nobody looks."""
+        return self.eyes[0].facing if self.eyes else np.ones(len(self.quilt.panels), np.bool_)
 
 
 def guard_of(display: Display, quilt: Quilt) -> float:

@@ -60,11 +60,9 @@ class Viewer:
         try:
             object.__setattr__(self, "position_m", as_vec3(self.position_m, "viewer.position_m"))
             object.__setattr__(self, "velocity_m_s", as_vec3(self.velocity_m_s, "viewer.velocity_m_s"))
-            direction = as_vec3(self.direction, "viewer.direction")
-            object.__setattr__(self, "direction", normalised(direction, "viewer.direction"))
+            object.__setattr__(self, "direction", _unit(self.direction, "viewer.direction"))
             if self.gaze is not None:
-                gaze = normalised(as_vec3(self.gaze, "viewer.gaze"), "viewer.gaze")
-                object.__setattr__(self, "gaze", gaze)
+                object.__setattr__(self, "gaze", _unit(self.gaze, "viewer.gaze"))
         except ValueError as error:
             raise InputError(str(error)) from None
         if self.acuity_arcmin is not None and not 0 < self.acuity_arcmin < math.inf:
@@ -138,12 +136,18 @@ class Pointer:
     def __post_init__(self) -> None:
         try:
             object.__setattr__(self, "position_m", as_vec3(self.position_m, "pointer.position_m"))
-            direction = as_vec3(self.direction, "pointer.direction")
-            object.__setattr__(self, "direction", normalised(direction, "pointer.direction"))
+            object.__setattr__(self, "direction", _unit(self.direction, "pointer.direction"))
         except ValueError as error:
             raise InputError(str(error)) from None
         if not math.isfinite(self.time_s):
             raise InputError(f"pointer.time_s must be finite, got {self.time_s}")
+
+
+def _unit(direction: Vec3, what: str) -> Vec3:
+    vector = as_vec3(direction, what)
+    if not length(vector) < math.inf:
+        raise ValueError(f"{what} must not be too long to be measured, got {vector}")
+    return normalised(vector, what)
 
 
 def nobody_points(_time_s: float) -> tuple[Pointer, ...]:

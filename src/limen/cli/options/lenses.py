@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -14,10 +15,8 @@ from numpy.typing import NDArray
 from limen.errors import InputError, MissingFileError
 from limen.track.lens_track import lenses_at, read_lens_tracks
 from limen.viewing.lens import DropOff, Lens
+from limen.viewing.placement import Fit, OnSurface
 from limen.viewing.tessellation import LensMode, Tessellation
-
-if TYPE_CHECKING:
-    from limen.layers.image.renderer import LensMoves
 
 __all__ = ["LENSES_DEFAULT", "LensOptions"]
 
@@ -76,39 +75,31 @@ class LensOptions:
         if shape and self.lens_heights is not None:
             raise InputError(f"--lens-heights takes the place of {_option(shape[0])}: leave out one of them")
 
-    @property
-    def tessellation(self) -> Tessellation:
-        return Tessellation(self.lens_mode)
-
-    def lenses(self) -> tuple[Lens, ...]:
-        """Those that stay, from the image to the eye.
+    def placement(self, fit: Fit) -> OnSurface:
+        """An image on the surface, seen through the lenses that stay or that pointers carry.
 
         Raises
         ------
         InputError
             If one cannot be read, or cannot be.
         """
-        return tuple(
-            self._lens(text) for text in self.lens if not (text.startswith(_CARRIED) or text.endswith(_TRACKS))
-        )
-
-    def moves(self) -> LensMoves:
-        """Those that do not.
-
-        Raises
-        ------
-        InputError
-            If one cannot be read, or cannot be.
-        """
-        from limen.layers.image.renderer import LensMoves
-
-        carried = tuple(
+        still = [self._lens(text) for text in self.lens if not (text.startswith(_CARRIED) or text.endswith(_TRACKS))]
+        carried = [
             self._lens(text, text.replace(_CARRIED, "0,0,", 1)) for text in self.lens if text.startswith(_CARRIED)
-        )
+        ]
+        return OnSurface(fit, lenses=tuple(still), carried=tuple(carried), tessellation=Tessellation(self.lens_mode))
+
+    def moving(self) -> Callable[[float], tuple[Lens, ...]] | None:
+        """Those that are elsewhere, or others, from time to time; None if there are none.
+
+        Raises
+        ------
+        InputError
+            If one cannot be read, or cannot be.
+        """
         files = [Path(text) for text in self.lens if text.endswith(_TRACKS)]
         tracks = [track for path in files for track in read_lens_tracks(path, self._lens("", "0,0,1,1"))]
-        moves = LensMoves(carried=carried)
-        return moves._replace(moving=partial(lenses_at, tracks)) if tracks else moves
+        return partial(lenses_at, tracks) if tracks else None
 
     def _lens(self, text: str, numbers: str = "") -> Lens:
         try:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
-import numpy as np
 from cyclopts import Group, Parameter
 
 from limen.cli.arguments import place
-from limen.data.store.resample import linear_of_srgb
 from limen.errors import InputError
 from limen.viewing.choices import Animation, Depth, Stereo
 
 if TYPE_CHECKING:
-    from limen.display.display import Display
-    from limen.show.stage import SceneSettings
+    from limen.data.mesh.mesh import Mesh
+    from limen.layers.common.room_placement import RoomPlacement
+    from limen.layers.mesh.layer import MeshLayer
+    from limen.layers.mesh.select import FoldTree
+    from limen.viewing.policy import Policy
 
 __all__ = ["MESH_DEFAULT", "MeshOptions", "Write"]
 
@@ -61,34 +63,34 @@ class MeshOptions:
     write: Annotated[Write, Parameter(help="With --out: a picture for every panel, or one for every quilt.")] = "panels"
     background: Annotated[str, Parameter(help="Colour where nothing is, as #rrggbb.")] = ""
 
-    def settings(self, display: Display | None, up: Literal["y", "z"] = "y", tilt_deg: float = 0.0) -> SceneSettings:
-        """The options as a scene's settings, for a whole display if there is one.
+    def stands(self, up: Literal["y", "z"] = "y", tilt_deg: float = 0.0) -> RoomPlacement:
+        """Where it stands; ``up`` and ``tilt_deg`` are for where the options do not say."""
+        from limen.layers.common.room_placement import RoomPlacement
 
-        ``up`` and ``tilt_deg`` are for where they do not say.
-        """
-        from limen.layers.mesh.renderer import BACKGROUND
-        from limen.show.stage import SceneSettings
-
-        at_m = place(self.at, "--at") if self.at else None
-        background = _light_of(self.background) if self.background else BACKGROUND
         tilt_deg = tilt_deg if self.tilt_deg is None else self.tilt_deg
-        settings = SceneSettings(
-            self.stereo, self.animate, self.size_m, at_m, self.up or up, self.turn_deg, background, tilt_deg, self.depth
-        )
-        return settings if display is None else settings.standing_in(display)
+        return RoomPlacement(
+            self.size_m, place(self.at, "--at") if self.at else None, self.up or up, self.turn_deg, tilt_deg,
+            turning=self.animate == "turn",
+        )  # fmt: skip
+
+    def layer(self, mesh: Mesh, policy: Policy, overlay: str, tree: FoldTree | None) -> MeshLayer:
+        """The mesh as it is shown; raises InputError for what cannot be."""
+        from limen.data.samples.mesh import ripple
+        from limen.layers.mesh.layer import MeshLayer
+
+        if self.animate == "ripple" and tree is not None:
+            raise InputError("a mesh that ripples is drawn in full: give --policy full, or --animate turn")
+        if overlay == "simplified" and tree is None:
+            raise InputError("--overlay simplified shows what a policy leaves out: give --policy, as contrast+gaze")
+        deformed = partial(ripple, mesh) if self.animate == "ripple" else None
+        return MeshLayer(mesh, self.stands(), policy, tree, deformed=deformed, depth=self.depth, overlay=overlay)
+
+    @property
+    def light(self) -> tuple[float, float, float] | None:
+        """The background as linear light, if one is given."""
+        from limen.show.show_file import light_of
+
+        return light_of(self.background) if self.background else None
 
 
 MESH_DEFAULT = MeshOptions()
-
-
-def _light_of(colour: str) -> tuple[float, float, float]:
-    """Linear light of ``#rrggbb``."""
-    digits = colour.removeprefix("#")
-    try:
-        codes = np.array(list(bytes.fromhex(digits))) / 255.0
-    except ValueError:
-        codes = np.zeros(0)
-    if len(digits) != 6 or len(codes) != 3:
-        raise InputError(f"--background takes a colour as #rrggbb, got '{colour}'")
-    red, green, blue = (float(light) for light in linear_of_srgb(codes))
-    return (red, green, blue)

@@ -19,7 +19,7 @@ from limen.viewing.placement import LookAt
 
 if TYPE_CHECKING:
     from limen.data.terrain.file import Terrain
-    from limen.layers.terrain.resources import Draped
+    from limen.layers.terrain.layer import Draped
     from limen.layers.terrain.selector import TerrainSettings
 
 __all__ = ["TERRAIN_DEFAULT", "TerrainOptions"]
@@ -67,7 +67,7 @@ class TerrainOptions:
         from limen.layers.terrain.selector import TerrainSettings
 
         look_at = LookAt(_pair(self.target), self.heading_deg, self.pitch_deg, self.range_m, self.exaggeration)
-        return TerrainSettings(look_at, self.flight, self.camera, self.cut, self.rule, self.field_deg, max_triangles)
+        return TerrainSettings(look_at, self.flight, self.cut, self.rule, self.field_deg, max_triangles)
 
     def look(self) -> TerrainLook:
         """Its colours and light; raises InputError for what cannot be."""
@@ -87,7 +87,7 @@ class TerrainOptions:
             raise InputError(f"--colours {self.colours} would hide the --drape: leave out one of them")
         from limen.data.opening import open_picture
         from limen.data.terrain.drape import texel_from_post  # GDAL takes a quarter of a second
-        from limen.layers.terrain.resources import Draped
+        from limen.layers.terrain.layer import Draped
 
         with open_picture(self.drape) as image:
             yield Draped(image, texel_from_post(terrain, self.drape, image.size_px))

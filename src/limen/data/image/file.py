@@ -14,7 +14,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -104,6 +104,8 @@ class Image:
     ``pyramid`` is the page grid, ``size_px`` = (width, height), ``mean_page_bytes`` the mean stored bytes of a page's
     area at full resolution (None where the image was not read in place).
     """
+
+    kind: ClassVar[str] = "image"
 
     def __init__(
         self, path: Path, levels: Sequence[TileLevel], facts: _Facts, *, cache_bytes: int, owner: _Closable | None

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from limen.layers.common.page_detail import Detail
 
-__all__ = ["Cut"]
+__all__ = ["PageCut"]
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class PageCut:
     """The pages of an image that one frame needs.
 
     Parameters

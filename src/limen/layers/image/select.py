@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
 from limen.display.display import Display
-from limen.geometry import Floats
+from limen.geometry import Floats, Vec3
 from limen.layers.common.page_detail import BLEND_LEVELS, Detail, level_shares, plain_detail
 from limen.layers.image import kernels, shape_kernels
-from limen.layers.image.cut import Cut
+from limen.layers.image.cut import PageCut
 from limen.layers.image.lens_cells import LensCells, lens_cells
 from limen.viewing.lens import rows_of
 from limen.viewing.placement import OnShape, OnSurface, PanelMaps, Placement
@@ -82,8 +82,8 @@ def select(
     tolerance: Tolerance,
     *,
     budget: int | None = None,
-    eye_m: tuple[float, float, float] | None = None,
-) -> Cut:
+    eye_m: Vec3 | None = None,
+) -> PageCut:
     """The pages that every pixel's level asks for.
 
     Parameters
@@ -99,7 +99,7 @@ def select(
 
     Returns
     -------
-    Cut
+    PageCut
         Pages by importance; ``cut.error_px`` never exceeds what the tolerance allows while ``cut.bias`` is 0.
     """
     wanted = _select_at(view, tolerance, 0, eye_m)
@@ -112,7 +112,7 @@ def select(
     return replace(cut, bias=bias, denied=len(wanted) - len(cut))
 
 
-def _select_at(view: ImageOnDisplay, tolerance: Tolerance, bias: int, eye_m: tuple[float, float, float] | None) -> Cut:
+def _select_at(view: ImageOnDisplay, tolerance: Tolerance, bias: int, eye_m: Vec3 | None) -> PageCut:
     if isinstance(view.placement, OnShape):
         return select_bent(view, tolerance, bias, eye_m)
     return select_flat(view, tolerance, bias)
@@ -142,7 +142,7 @@ def flat_pairs(view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0) -> Pai
         room = count
 
 
-def select_flat(view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0) -> Cut:
+def select_flat(view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0) -> PageCut:
     """`select` for images on the surface: pairs of panel and page by interval tests on rings of distance.
 
     Pairs leave out what is looked at through lenses alone; pages are those of both.
@@ -181,9 +181,7 @@ def _add_behind_lenses(
     )  # fmt: skip
 
 
-def select_bent(
-    view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0, eye_m: tuple[float, float, float] | None = None
-) -> Cut:
+def select_bent(view: ImageOnDisplay, tolerance: Tolerance, bias: int = 0, eye_m: Vec3 | None = None) -> PageCut:
     """`select` for images on a plane, cylinder or ellipsoid in the room.
 
     Raises
@@ -246,11 +244,11 @@ def _cut(
     panel: NDArray[np.int64],
     page: NDArray[np.int64],
     texels_per_px: float,
-) -> Cut:
+) -> PageCut:
     order = np.argsort(-importance, kind="stable")
     pages = pages[order]
     error_px = float(view.detail.tau[pages].max(initial=0.0)) / texels_per_px
-    return Cut(pages, importance[order], panel, page, error_px, view.detail)
+    return PageCut(pages, importance[order], panel, page, error_px, view.detail)
 
 
 def shares_at(view: ImageOnDisplay, tolerance: Tolerance, panel: int, position_px: Floats) -> Floats:

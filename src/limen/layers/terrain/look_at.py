@@ -10,9 +10,9 @@ display does, so that the ground before it stays behind the panels too.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Literal, Protocol, TypeAlias, get_args
 
+import msgspec
 import numpy as np
 
 from limen.data.terrain.model import Nodes, metric_from_posts
@@ -79,13 +79,13 @@ def in_flight(look: LookAt, flight: Flight, land: Land, time_s: float) -> LookAt
     if flight == "none":
         return look
     if flight == "orbit":
-        return replace(look, heading_deg=look.heading_deg + _ORBIT_DEG_PER_S * time_s)
+        return msgspec.structs.replace(look, heading_deg=look.heading_deg + _ORBIT_DEG_PER_S * time_s)
     turn = 2 * math.pi * time_s / _LAP_S
     extent = _extent_m(land)
     x, y = 0.3 * math.sin(turn), 0.3 * math.sin(2 * turn)  # Gerono's figure of eight
     east, south = 0.3 * math.cos(turn) * extent[0], 0.6 * math.cos(2 * turn) * extent[1]
     range_m = look.range_m or _LOW_RANGE * float(extent.max())
-    return replace(
+    return msgspec.structs.replace(
         look,
         target=(0.5 + x, 0.5 + y),
         heading_deg=look.heading_deg + math.degrees(math.atan2(east, -south)),

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from limen.data.terrain.model import Patch, PatchSource
 from limen.errors import InputError
 from limen.stream.allocators import Ranges
-from limen.stream.chunks import ChunkStream, Index, Resident
+from limen.stream.chunks import Allocator, Index, Resident, Streaming
 
-__all__ = ["PatchPlaces", "patch_stream"]
+__all__ = ["PatchPlaces", "patch_ranges", "patch_streaming"]
 
 Size = TypeVar("Size", int, Index)
 
@@ -40,48 +40,42 @@ class PatchPlaces(NamedTuple):
         return np.asarray(self.first_vertex >= 0)
 
 
-def patch_stream(
-    source: PatchSource,
-    *,
-    vertex_capacity: int,
-    index_capacity: int,
-    bytes_per_frame: int = 8 << 20,
-    kept: int = 256,
-    threads: int = 2,
-) -> ChunkStream[Patch]:
-    """A stream of a terrain's patches; its places are those of `PatchPlaces`.
+def patch_streaming(source: PatchSource, *, bytes_per_frame: int = 8 << 20, kept: int = 256) -> Streaming:
+    """A terrain's patches on their way; the coarsest of every root are pinned, and nothing can be drawn without them.
 
     Parameters
     ----------
     source
         Where patches are read, from several threads at once.
-    vertex_capacity, index_capacity
-        How many vertices and core indices the buffers hold.
     bytes_per_frame
         About how many bytes one update hands over: it stops after the patch that reaches them.
     kept
         How many patches may wait in memory for their upload.
-    threads
-        Reading threads.
+    """
+    return Streaming(
+        _Patches(source), "patch", width=3, per_frame=bytes_per_frame, cost=_bytes_of, kept=kept, keeps_drawn=True,
+        required=True,
+    )  # fmt: skip
+
+
+def patch_ranges(source: PatchSource, vertex_capacity: int, index_capacity: int) -> Allocator:
+    """Where patches lie in buffers of so many vertices and core indices; places are those of `PatchPlaces`.
 
     Raises
     ------
     InputError
         If the roots' coarsest patches alone do not fit.
     """
-    patches, table = _Patches(source), source.patches
+    pinned, table = _Patches(source).pinned, source.patches
     # How many of its triangles are rims, and no cores, is known when a patch is read: so many indices at most.
     most = table.vertices.astype(np.int64), _padded(table.triangles.astype(np.int64) * _INDICES)
-    vertices, indices = (int(size[patches.pinned].sum()) for size in most)
+    vertices, indices = (int(size[pinned].sum()) for size in most)
     if vertices > vertex_capacity or indices > index_capacity:
         raise InputError(
             f"room for {vertex_capacity} vertices and {index_capacity} indices is too small: the coarsest patches "
             f"of this terrain have {vertices} and {indices}"
         )
-    allocator = _PatchRanges((vertex_capacity, index_capacity), most, _sizes_of)
-    return ChunkStream(
-        patches, allocator, width=3, name="patch", per_frame=bytes_per_frame, cost=_bytes_of, kept=kept, threads=threads
-    )
+    return _PatchRanges((vertex_capacity, index_capacity), most, _sizes_of)
 
 
 class _Patches:

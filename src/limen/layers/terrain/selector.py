@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +15,23 @@ from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.errors import InputError
 from limen.geometry import Floats, Vec3
+from limen.layers.base import Cut, CutCounts, Residents, in_order
+from limen.layers.common.known_contrast import KnownContrast
 from limen.layers.common.page_detail import Detail
-from limen.layers.terrain.look_at import Flight, check_stands, fitted_range_m, in_flight, room_from_posts
+from limen.layers.terrain.borders import BorderPool, Fans
+from limen.layers.terrain.look_at import Flight, check_stands, room_from_posts
 from limen.layers.terrain.pages import Faint, NeededPages, pages_for_terrain
+from limen.layers.terrain.patches import PatchPlaces
 from limen.layers.terrain.select import TerrainCut, select_terrain
-from limen.viewing.choices import CAMERAS, CameraKind, Mode
+from limen.stream.chunks import Streaming, Update
+from limen.stream.pages import KeptTable, PageTable
+from limen.viewing.choices import Mode
 from limen.viewing.panel_demands import PanelDemands, Rule, panel_demands
 from limen.viewing.placement import LookAt
-from limen.viewing.policy import Policy
-from limen.viewing.projection import PanelProjections, QuiltPanels, guard_of
-from limen.viewing.viewer import Pointer, Viewer
+from limen.viewing.projection import NEAR_M, PanelProjections, QuiltView
+from limen.viewing.state import FrameState, LayerState
 
-__all__ = ["Choice", "Scenery", "TerrainSelector", "TerrainSettings", "merged"]
+__all__ = ["Choice", "Scenery", "TerrainPart", "TerrainSelector", "TerrainSettings", "nearest_m"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +42,6 @@ class TerrainSettings:
     ----------
     look_at, flight
         From where it is looked at, and how that changes over time.
-    camera
-        ``window``: the panels are windows, seen through by the first viewer. ``fixed``: one picture for the whole
-        display, that of the reference eye, whoever stands where; viewers decide about its detail alone.
     cut
         See `limen.layers.terrain.select.select_terrain`.
     rule, field_deg
@@ -51,15 +52,12 @@ class TerrainSettings:
 
     look_at: LookAt = field(default_factory=LookAt)
     flight: Flight = "none"
-    camera: CameraKind = "window"
     cut: Mode = "adaptive"
     rule: Rule = "exact"
     field_deg: float | None = None
     max_triangles: int | None = None
 
     def __post_init__(self) -> None:
-        if self.camera not in CAMERAS:
-            raise InputError(f"no camera is named '{self.camera}': there are {', '.join(CAMERAS)}")
         if self.flight == "traverse" and self.look_at.target != LookAt().target:
             raise InputError("the flight traverse goes over all of a terrain: leave out the target, or take orbit")
         if self.max_triangles is not None and self.max_triangles < 1:
@@ -85,120 +83,210 @@ class Scenery(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """One quilt, and what its panels want."""
+    """What the panels of one quilt want."""
 
-    quilt: Quilt
-    windows: QuiltPanels
-    views: PanelProjections
+    view: QuiltView
+    room_from_posts: Floats
     allowed_px: Floats
+    seen: NDArray[np.int8]
+    """How each panel is seen, see `limen.viewing.panel_demands.PanelDemands`."""
     cut: TerrainCut
     pages: NeededPages
     drape_pages: NeededPages
-    select_s: float
+
+
+class TerrainPart(NamedTuple):
+    """What is drawn of a terrain in one quilt; all but ``choice`` when it is known what is there."""
+
+    choice: Choice
+    cut: TerrainCut
+    places: PatchPlaces | None = None
+    fans: Fans | None = None
+    tables: tuple[PageTable, ...] = ()
 
 
 class TerrainSelector:
-    """A terrain as the panels of a display show it.
+    """Which patches and pages of a terrain the panels of a display show.
 
     Parameters
     ----------
     display
-        What is drawn on, in ``quilts``.
+        What is drawn on.
     whole
         The installation that ``display`` is a part of, which says where the terrain stands.
     reference_m
         The reference eye; see `limen.layers.terrain.look_at`.
+    sources
+        Patches, relief, heights and, where there is one, a drape.
+    contrast
+        What is known of the drape's contrast.
     """
 
     def __init__(
-        self, scenery: Scenery, display: Display, quilts: Sequence[Quilt], settings: TerrainSettings, *,
-        whole: Display, reference_m: Vec3,
-    ) -> None:  # fmt: skip
+        self,
+        scenery: Scenery,
+        display: Display,
+        settings: TerrainSettings,
+        *,
+        whole: Display,
+        reference_m: Vec3,
+        sources: tuple[Streaming, ...] = (),
+        contrast: KnownContrast | None = None,
+    ) -> None:
         check_stands(whole, settings.look_at, settings.flight)
-        self.scenery, self.display, self.settings = scenery, display, settings
-        self._whole, self._reference_m = whole, reference_m
-        self.guard_px = min(guard_of(display, quilt) for quilt in quilts)
-        self._windows = {quilt: QuiltPanels(display, quilt, 1, self.guard_px) for quilt in quilts}
+        self.scenery, self.display, self.settings, self.sources = scenery, display, settings, sources
+        self._whole, self._reference_m, self._contrast = whole, reference_m, contrast
         self._earlier: PanelDemands | None = None
-        self.pose(0.0)
+        pyramids = [scenery.pyramid, scenery.pyramid, scenery.drape_pyramid]
+        self._tables = [KeptTable(pyramid) for pyramid in pyramids if pyramid is not None]
+        self._borders = BorderPool()
 
-    @property
-    def range_m(self) -> float:
-        """From how far all of the terrain is seen, metres."""
-        return fitted_range_m(self.scenery, self._whole, self._reference_m, self.settings.look_at)
+    # ------------------------------------------------------------------ a `limen.layers.base.Selector`
 
-    def pose(self, time_s: float, look_at: LookAt | None = None) -> None:
-        """Put the terrain where the flight has it at a time, looked at as in the settings or from elsewhere."""
-        look = in_flight(look_at or self.settings.look_at, self.settings.flight, self.scenery, time_s)
-        self.room_from_posts = room_from_posts(self.scenery, self._whole, self._reference_m, look)
+    def complete(self, state: LayerState) -> None:
+        if self._contrast is not None and state.policy.name == "contrast":
+            self._contrast.complete()
 
-    def demands(
-        self, viewers: Sequence[Viewer], policy: Policy, pointers: Sequence[Pointer], *, live: bool = False
-    ) -> PanelDemands:
-        """What is demanded of every panel.
-
-        ``live``: what was demanded by the live frame before is held on to, so that panels do not flicker.
-        """
+    def select(
+        self, views: Sequence[QuiltView], state: LayerState, frame: FrameState, resident: Residents, *, live: bool
+    ) -> Cut[TerrainPart]:
+        """``live``: what the frame before demanded is held on to, so that panels do not flicker."""
+        assert isinstance(state.placement, LookAt)
         demands = panel_demands(
-            self.display, viewers, policy, rule=self.settings.rule, field_deg=self.settings.field_deg,
-            pointers=pointers, earlier=self._earlier if live else None,
+            self.display, frame.viewers, state.policy, rule=self.settings.rule, field_deg=self.settings.field_deg,
+            pointers=frame.pointers, earlier=self._earlier if live else None,
         )  # fmt: skip
         if live:
             self._earlier = demands
-        return demands
+        stands = self.room_from_posts(state.placement)
+        choices = [self.choose(view, stands, demands) for view in views]
+        cut = self._cut([TerrainPart(choice, choice.cut) for choice in choices])
+        pages = in_order([(each.pages.pages, each.pages.importance) for each in choices])
+        drape = in_order([(each.drape_pages.pages, each.drape_pages.importance) for each in choices])
+        patches = in_order([(each.cut.patches, each.cut.importance) for each in choices])
+        wanted = (patches, pages, pages, drape)[: max(len(self.sources), 1)]
+        return replace(cut, wanted=wanted)
 
-    def choose(self, quilt: Quilt, viewers: Sequence[Viewer], demands: PanelDemands) -> Choice:
-        """The cut and the pages of one quilt."""
-        begin = time.perf_counter()
-        windows = self._windows.get(quilt)
-        if windows is None:
-            windows = self._windows[quilt] = QuiltPanels(self.display, quilt, 1, guard_of(self.display, quilt))
-        views = windows.seen_from(self._eye(viewers))
-        allowed_px = demands.allowed_px[list(quilt.panels)]
-        cut = self.select(quilt, views, allowed_px)
-        pages = self._pages(cut, quilt, views, allowed_px, demands.hides_faint[list(quilt.panels)])
-        return Choice(quilt, windows, views, allowed_px, cut, *pages, time.perf_counter() - begin)
+    def take(self, source: int, update: Update[Any]) -> None:
+        if source == 0:
+            for gone in update.evicted:
+                self._borders.remove(gone)
+            for patch, (first_vertex, *_), content in update.arrived:
+                self._borders.add(patch, content, first_vertex)
 
-    def _eye(self, viewers: Sequence[Viewer]) -> Floats:
-        """The eye that the picture is drawn for."""
-        fixed = self.settings.camera == "fixed" or not viewers
-        return np.array(self._reference_m if fixed else viewers[0].position_m)
+    def resolve(self, cut: Cut[TerrainPart], resident: Residents) -> Cut[TerrainPart]:
+        places = PatchPlaces.of(resident[0])
+        tables = tuple(table.of(pages) for table, pages in zip(self._tables, resident[1:], strict=True))
+        parts = [self._resolved(part.choice, places, tables) for part in cut.parts]
+        drawn = np.unique(np.concatenate([part.cut.pair_patch for part in parts]))
+        return replace(self._cut(parts), wanted=cut.wanted, drawn=(drawn,))
 
-    def select(
-        self, quilt: Quilt, views: PanelProjections, allowed_px: Floats, available: NDArray[np.bool_] | None = None
+    def close(self) -> None:
+        if self._contrast is not None:
+            self._contrast.close()
+
+    # ------------------------------------------------------------------ its steps
+
+    def room_from_posts(self, look_at: LookAt) -> Floats:
+        """Where the terrain stands, looked at like this: (4, 4)."""
+        return room_from_posts(self.scenery, self._whole, self._reference_m, look_at)
+
+    def choose(self, view: QuiltView, stands: Floats, demands: PanelDemands) -> Choice:
+        """The cut and the pages of one quilt, of a terrain that stands by a map (4, 4) from posts to the room."""
+        chosen = list(view.quilt.panels)
+        allowed_px, (eye, *_) = demands.allowed_px[chosen], view.eyes
+        cut = self._select(view.quilt, eye, stands, allowed_px)
+        pages = self._pages(cut, view.quilt, eye, stands, allowed_px, demands.hides_faint[chosen])
+        return Choice(view, stands, allowed_px, demands.seen[chosen], cut, *pages)
+
+    def _resolved(self, choice: Choice, places: PatchPlaces, tables: tuple[PageTable, ...]) -> TerrainPart:
+        """A choice as it can be drawn by what is there."""
+        cut, quilt = choice.cut, choice.view.quilt
+        if not places.resident[cut.pair_patch].all():
+            cut = self._select(quilt, choice.view.eyes[0], choice.room_from_posts, choice.allowed_px, places.resident)
+        fans = self._borders.fans(cut.pair_panel, cut.pair_patch, len(quilt.panels))
+        return TerrainPart(choice, cut, places, fans, tables)
+
+    def _cut(self, parts: Sequence[TerrainPart]) -> Cut[TerrainPart]:
+        """What is told of parts, and where they begin."""
+        low, high, active_count = np.inf, 0.0, 0
+        for part in parts:
+            active = part.choice.view.facing & np.isfinite(part.choice.allowed_px)
+            allowed = part.choice.allowed_px[active]
+            low, high = min(low, float(allowed.min(initial=np.inf))), max(high, float(allowed.max(initial=0.0)))
+            active_count += int(active.sum())
+        triangles = sum(
+            int(part.places.core_indices[part.cut.pair_patch].sum()) // 3 + len(part.fans.triangles)
+            for part in parts
+            if part.places is not None and part.fans is not None
+        )
+        counts = CutCounts(
+            items=max(len(part.cut) for part in parts), drawn=triangles, panels_active=active_count,
+            error_px=max(float(part.cut.panel_error_px.max(initial=0.0)) for part in parts),
+            allowed_px=(low, high) if active_count else (0.0, 0.0),
+        )  # fmt: skip
+        return Cut(tuple(parts), counts, near_m=tuple(self._nearest_m(part) for part in parts))
+
+    def _nearest_m(self, part: TerrainPart) -> float:
+        """How far from the nearest eye the chosen nodes begin."""
+        nodes = np.unique(self.scenery.patches.node[part.cut.pair_patch]).astype(np.int64)
+        view, stands = part.choice.view, part.choice.room_from_posts
+        return min(nearest_m(self.scenery.nodes, nodes, stands, eye_m) for eye_m in view.eyes_m)
+
+    def _select(
+        self,
+        quilt: Quilt,
+        eye: PanelProjections,
+        stands: Floats,
+        allowed_px: Floats,
+        available: NDArray[np.bool_] | None = None,
     ) -> TerrainCut:
         """The cut of one quilt, of all patches or of those that are available."""
         return select_terrain(
-            self.scenery.nodes, self.scenery.patches, views, quilt.size_px, self.room_from_posts, allowed_px,
+            self.scenery.nodes, self.scenery.patches, eye, quilt.size_px, stands, allowed_px,
             mode=self.settings.cut, available=available, max_triangles=self.settings.max_triangles,
         )  # fmt: skip
 
     def _pages(
-        self, cut: TerrainCut, quilt: Quilt, views: PanelProjections, allowed_px: Floats, hides_faint: NDArray[np.bool_]
+        self,
+        cut: TerrainCut,
+        quilt: Quilt,
+        eye: PanelProjections,
+        stands: Floats,
+        allowed_px: Floats,
+        hides_faint: NDArray[np.bool_],
     ) -> tuple[NeededPages, NeededPages]:
         """Pages of relief and heights, and of the drape.
 
         The drape alone is hidden where it is faint: what contrast relief and heights show is for light and colours to
         say, which change from frame to frame. Shading scales the drape's levels alike, so their contrast stays.
         """
-        scenery, place = self.scenery, self.room_from_posts
+        scenery = self.scenery
         nodes, patches, pyramid = scenery.nodes, scenery.patches, scenery.pyramid
-        pages = pages_for_terrain(cut, nodes, patches, pyramid, views, quilt.size_px, place, allowed_px)
+        pages = pages_for_terrain(cut, nodes, patches, pyramid, eye, quilt.size_px, stands, allowed_px)
         if scenery.drape_pyramid is None or scenery.texel_from_post is None:
             return pages, NeededPages(pages.pages[:0], pages.importance[:0])
         hidden = None
         if scenery.drape_detail is not None and hides_faint.any():
             hidden = Faint(scenery.drape_detail(), hides_faint)
         draped = pages_for_terrain(
-            cut, nodes, patches, scenery.drape_pyramid, views, quilt.size_px, place, allowed_px,
+            cut, nodes, patches, scenery.drape_pyramid, eye, quilt.size_px, stands, allowed_px,
             texel_from_post=scenery.texel_from_post, faint=hidden,
         )  # fmt: skip
         return pages, draped
 
 
-def merged(parts: Sequence[tuple[NDArray[np.int64], Floats]]) -> NDArray[np.int64]:
-    """Distinct numbers of several lists, the most important first."""
-    numbers, importance = (np.concatenate([part[which] for part in parts]) for which in (0, 1))
-    ordered = numbers[np.argsort(-importance, kind="stable")].astype(np.int64)
-    _, first = np.unique(ordered, return_index=True)
-    return np.asarray(ordered[np.sort(first)])
+def nearest_m(nodes: Nodes, chosen: NDArray[np.int64], room_from_posts: Floats, eye_m: Floats) -> float:
+    """How far from an eye the chosen nodes begin: less than the distance to the nearest of their boxes, metres."""
+    if not len(chosen):
+        return NEAR_M
+    rect, low_high = nodes.rect[chosen].astype(float), nodes.low_high_m[chosen].astype(float)
+    middle = np.stack([rect[:, [0, 2]].mean(axis=1), rect[:, [1, 3]].mean(axis=1), low_high.mean(axis=1)], axis=1)
+    half = (
+        np.stack([np.ptp(rect[:, [0, 2]], axis=1), np.ptp(rect[:, [1, 3]], axis=1), np.ptp(low_high, axis=1)], axis=1)
+        / 2
+    )
+    placed = middle @ room_from_posts[:3, :3].T + room_from_posts[:3, 3] - eye_m
+    reach = half @ np.abs(room_from_posts[:3, :3]).T
+    gap = np.maximum(np.abs(placed) - reach, 0)
+    return max(float(np.linalg.norm(gap, axis=1).min()), NEAR_M)

@@ -8,43 +8,39 @@ Papadopoulos, Kaufman 2013, *Acuity-Driven Gigapixel Visualization*, section 3.2
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
 from limen.display.quilt import Quilt
-from limen.geometry import Vec3
-from limen.gpu.buffers import GrowingBuffer, TextureReader
+from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.gpu.shader import load_shader
-from limen.layers.common.matching import PanelMatching
+from limen.gpu.targets import Target
 from limen.layers.common.page_detail import Detail
-from limen.layers.image.cut import Cut
 from limen.layers.image.draw import uniforms as records
 from limen.layers.image.draw.lens_mesh import LensMesh
+from limen.layers.image.layer import ImagePart, Sampling
 from limen.layers.image.select import ImageOnDisplay
-from limen.stream.pages import Drawable, PageStream, PageTable, page_table
+from limen.stream.allocators import Slots
+from limen.stream.chunks import Update
+from limen.stream.pages import PageTable, page_table
 from limen.viewing.placement import OnSurface
-from limen.viewing.projection import QuiltPanels
-from limen.viewing.tolerance import Tolerance
+from limen.viewing.projection import GUARD_PX, QuiltView
 
-__all__ = ["EXACT_FORMAT", "QUILT_FORMAT", "ImageLayer", "Overlay", "PlacedPages", "Sampling", "drawable_of"]
+if TYPE_CHECKING:
+    from limen.layers.image.layer import ImageLayer
 
-Sampling: TypeAlias = Literal["sharp", "fast"]
-Overlay: TypeAlias = Literal["levels", "exact", "error"]
+__all__ = ["EXACT_FORMAT", "ImageDrawer"]
 
-QUILT_FORMAT = "rgba8unorm-srgb"
 EXACT_FORMAT = "rgba8unorm"
 """Format for the overlay ``exact``: level, levels coarser, the panel's place in the quilt, 255 where drawn."""
 
 _KERNELS: dict[Sampling, int] = {"fast": 0, "sharp": 1}
-_OVERLAYS: dict[Overlay | None, int] = {None: 0, "levels": 1, "exact": 2, "error": 3}
-_RIM_PX = 0.01
-"""An image ends at its panel's outline; a pixel whose centre is on it is dimmed with the panel."""
-_BLACK = (0.0, 0.0, 0.0, 0.0)
+_OVERLAYS = {"": 0, "levels": 1, "exact": 2, "error": 3}
 
 _NUMBERS = {
     "frame": 0, "panels": 1, "eyes": 2, "quads": 3, "levels": 4, "table": 5, "pool": 6, "bilinear": 7, "finer": 9,
@@ -57,54 +53,31 @@ _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operat
 """Levels that blend into each other are painted over each other, the coarsest first."""
 
 
-_Variant: TypeAlias = tuple[str, Overlay | None, bool]
+_Variant: TypeAlias = tuple[str, str, bool]
 """Of a pipeline: the target's format, the overlay, and whether a panel is turned."""
 
 
-class PlacedPages(NamedTuple):
-    """Where the pages are that a frame draws."""
-
-    pairs: Drawable | None  # of `Cut.pair_page`
-    table: PageTable | None  # for pixels that look pages up
-
-
-def drawable_of(stream: PageStream, view: ImageOnDisplay, cut: Cut) -> PlacedPages:
-    """What of a cut is there to be drawn."""
-    looked_up = view.maps is None or view.cells is not None
-    return PlacedPages(
-        None if view.maps is None else stream.drawable(cut.pair_page), stream.table() if looked_up else None
-    )
-
-
-class ImageLayer:
-    """One image on one display.
+class ImageDrawer:
+    """Draws one image.
 
     Parameters
     ----------
-    view
-        The image on the display; for an image on a shape instead of the surface, or the other way round, make another
-        layer on the same pool.
-    pool
-        Where the image's pages are.
-    sampling
-        ``sharp``: a cubic kernel as wide as the pixel's footprint. ``fast``: bilinear, for live windows without a
-        GPU; it aliases where a pixel covers nearly two texels.
-    guard_px
-        How far beyond panels' outlines the image is drawn in the display's own quilts.
+    layer
+        What is shown, and how it is sampled.
+    gpu_bytes
+        Memory for pages.
+
+    Raises
+    ------
+    InputError, DeviceLimitError
+        If there is not room for the coarsest page and one more, or the adapter cannot hold so many.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        view: ImageOnDisplay,
-        pool: PagePool,
-        *,
-        sampling: Sampling = "sharp",
-        guard_px: float = 0.0,
-    ) -> None:
-        self._device, self._view, self._pool, self._guard_px = device, view, pool, guard_px
+    def __init__(self, device: Device, layer: ImageLayer, gpu_bytes: int) -> None:
+        self._device, self._pool = device, PagePool(device, gpu_bytes)
+        self.allocators = (Slots(self._pool.slots),)
         self._shader = load_shader(device, "limen.layers.image.draw", "lens_split.wgsl")
-        kernel = {"KERNEL": _KERNELS[sampling]}
+        kernel = {"KERNEL": _KERNELS[layer.sampling]}
         self._stages = {
             "flat": _Stage(device, self._shader, "flat", _FLAT, kernel),
             "bent": _Stage(device, self._shader, "bent", _BENT, kernel),
@@ -112,106 +85,60 @@ class ImageLayer:
             "mesh": _Stage(device, self._shader, "lens", _LENS, {**kernel, "EXACT": 0}),
         }
         self._lens_mesh: LensMesh | None = None
-        self._targets: dict[tuple[tuple[int, int], str], Any] = {}
+        self._view: ImageOnDisplay | None = None
         self._static_rows: dict[Quilt, records.Rows] = {}
-        self._windows: dict[Quilt, QuiltPanels] = {}
-        self._matching = PanelMatching(device)
         storage = wgpu.BufferUsage.STORAGE
         self._buffers = {
             name: GrowingBuffer(device, name, storage)
             for name in ("panels", "eyes", "quads", "table", "levels", "finer", "lenses")
         }
         self._buffers["frame"] = GrowingBuffer(device, "frame", wgpu.BufferUsage.UNIFORM)
-        self._buffers["levels"].write(records.level_rows(view.pyramid))
+        self._buffers["levels"].write(records.level_rows(layer.image.pyramid))
         self._buffers["finer"].write(np.zeros(1, np.float32))  # always bound, read only by what looks pages up
         self._sampler = device.wgpu.create_sampler(mag_filter="linear", min_filter="linear")
-        self._reader = TextureReader(device)
         self._table_of: PageTable | None = None
         self._detail: Detail | None = None
 
-    def place(self, view: ImageOnDisplay) -> None:
-        """Go on with another view of the same image on the same display (a pan, a zoom or a lens on the surface)."""
-        if (view.maps is None) != (self._view.maps is None) or view.pyramid.size_px != self._view.pyramid.size_px:
-            raise ValueError("another image, or one on a shape instead of the surface, needs another layer")
-        self._view = view
-        self._static_rows.clear()
-        self._windows.clear()
+    def upload(self, source: int, update: Update[NDArray[np.uint8]]) -> None:
+        self._pool.write(update.arrived)
 
-    def draw(
-        self,
-        cut: Cut,
-        drawable: PlacedPages,
-        tolerance: Tolerance,
-        quilt: Quilt,
-        *,
-        eye_m: Vec3 | None = None,
-        overlay: Overlay | None = None,
-        target: Any = None,
-        target_format: str = QUILT_FORMAT,
-    ) -> Any:
-        """Draw the panels of a quilt; beyond the image and outside panels' outlines the quilt is black.
+    def prepare(self, view: QuiltView, part: ImagePart, overlay: str) -> None:
+        """Nothing has to be known before."""
 
-        Parameters
-        ----------
-        cut
-            What the selector chose for the same view and tolerance.
-        drawable
-            What `drawable_of` says of it. A table is copied to the GPU only when it is another object than last time.
-        tolerance
-            The tolerance that the cut was chosen for.
-        eye_m
-            The eye point of an image on a shape, unless the shape fixes it; and for whom panels are matched that lose
-            light at a slant.
-        overlay
-            ``levels`` tints each pixel by its level, ``error`` by how far lenses draw it from where it belongs;
-            ``exact`` writes numbers instead, see `EXACT_FORMAT`.
-        target
-            A texture view to draw into (a window's), of ``target_format`` and the quilt's size.
+    def draw(self, encoder: Any, target: Target, view: QuiltView, part: ImagePart, overlay: str) -> None:
+        """Draw the panels of a quilt; beyond the image and outside panels' outlines nothing is drawn.
 
-        Returns
-        -------
-        texture
-            The quilt's texture, valid until the next draw of a quilt of the same size; ``None`` with a ``target``.
+        ``overlay``: beside those of an `limen.layers.image.layer.ImageLayer`, ``exact`` writes numbers instead, see
+        `EXACT_FORMAT`.
         """
-        if overlay == "exact":
-            target_format = EXACT_FORMAT
-        quads, cells = self._write(cut, drawable, tolerance, quilt, eye_m)
-        if (drawable.table is not None or overlay == "levels") and cut.detail is not self._detail:
+        shown, quilt, cut = part.view, view.quilt, part.cut
+        if self._view is None or shown.maps is not self._view.maps or shown.placement is not self._view.placement:
+            self._static_rows.clear()  # a pan, a zoom or a lens on the surface
+        self._view = shown
+        quads, cells = self._write(view, part)
+        if (part.pages.table is not None or overlay == "levels") and cut.detail is not self._detail:
             self._buffers["finer"].write(records.log2_tau(cut.detail.tau).astype(np.float32))
             self._detail = cut.detail
-        texture = None if target is not None else self._target(quilt.size_px, target_format)
-        encoder = self._device.wgpu.create_command_encoder(label="image")
         if cells:
             self.lens_mesh.encode(encoder, cells, self._buffers)
             self._buffers["corners"] = self.lens_mesh.corners
-        render_pass = encoder.begin_render_pass(
-            color_attachments=[
-                {
-                    "view": texture.create_view() if texture is not None else target,
-                    "clear_value": _BLACK,
-                    "load_op": "clear",
-                    "store_op": "store",
-                }
-            ]
-        )
+        render_pass = encoder.begin_render_pass(color_attachments=[target.colour()])
         resources = {"pool": self._pool.texels, "bilinear": self._sampler}
+        variant = (target.format, overlay, any(quilt.turns))
         if quads:
-            stage = self._stages["bent" if self._view.maps is None else "flat"]
-            stage.begin(render_pass, self._buffers, resources, (target_format, overlay, any(quilt.turns)))
+            stage = self._stages["bent" if shown.maps is None else "flat"]
+            stage.begin(render_pass, self._buffers, resources, variant)
             render_pass.draw(4, quads)
         if cells:
             stage = self._stages["lens" if self.lens_mesh.tessellation.mode == "exact" else "mesh"]
-            stage.begin(render_pass, self._buffers, resources, (target_format, overlay, any(quilt.turns)))
+            stage.begin(render_pass, self._buffers, resources, variant)
             render_pass.draw_indirect(self.lens_mesh.drawn.buffer, 0)
         render_pass.end()
-        if overlay != "exact":  # whose numbers are no light
-            self._match(encoder, quilt, eye_m, texture.create_view() if texture is not None else target, target_format)
-        self._device.wgpu.queue.submit([encoder.finish()])
-        return texture
 
     @property
     def lens_mesh(self) -> LensMesh:
         """What the view's lenses are drawn by; made anew where its placement asks for another tessellation."""
+        assert self._view is not None
         placement = self._view.placement
         assert isinstance(placement, OnSurface)
         if self._lens_mesh is None or self._lens_mesh.tessellation != placement.tessellation:
@@ -220,84 +147,60 @@ class ImageLayer:
             self._lens_mesh = LensMesh(self._device, self._shader, placement.tessellation)
         return self._lens_mesh
 
-    @property
-    def triangle_count(self) -> int:
-        """In how many triangles lenses were drawn last; waits for the GPU."""
-        if self._view.cells is None or self.lens_mesh.tessellation.mode == "exact":
+    def triangles(self, *, wait: bool) -> int:
+        """That lenses were drawn in."""
+        if not wait or self._view is None or self._view.cells is None or self.lens_mesh.tessellation.mode == "exact":
             return 0
         return self.lens_mesh.count
 
-    def read(self, texture: Any) -> NDArray[np.uint8]:
-        """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
-        return self._reader.read(texture)
-
     def destroy(self) -> None:
-        """Free everything but the pool."""
-        for texture in self._targets.values():
-            texture.destroy()
-        self._targets.clear()
         if self._lens_mesh is not None:
             self._lens_mesh.destroy()
         for buffer in self._buffers.values():
             buffer.destroy()
-        self._reader.destroy()
-        self._matching.destroy()
+        self._pool.destroy()
         self._stages.clear()
         self._sampler = self._shader = self._lens_mesh = None
 
     # ------------------------------------------------------------------ steps of a draw
 
-    def _write(
-        self, cut: Cut, drawable: PlacedPages, tolerance: Tolerance, quilt: Quilt, eye_m: Vec3 | None
-    ) -> tuple[int, int]:
+    def _write(self, seen: QuiltView, part: ImagePart) -> tuple[int, int]:
         """Hand the frame over; returns how many quads and cells are to be drawn."""
-        view, buffers = self._view, self._buffers
+        view, quilt, buffers, pages = part.view, seen.quilt, self._buffers, part.pages
         fields: dict[str, Any] = {"layers_per_px": 1 / np.array(self._pool.layer_px)}
         lenses, fields["tables"] = records.lens_rows(view, quilt)
         buffers["lenses"].write(lenses)
         if view.cells is not None:
             fields |= self.lens_mesh.write(view.cells, quilt)
-        buffers["frame"].write(records.frame_row(view, quilt.size_px, tolerance, eye_m, bias=cut.bias, **fields))
-        buffers["panels"].write(self._panel_rows(quilt, eye_m))
-        buffers["eyes"].write(records.eye_rows(view, quilt, tolerance))
-        if drawable.table is not None and drawable.table is not self._table_of:
-            buffers["table"].write(page_table(drawable.table))
-            self._table_of = drawable.table
-        if drawable.pairs is None:
+        guard_px = _guard_of(seen, view)
+        buffers["frame"].write(
+            records.frame_row(view, quilt.size_px, part.tolerance, part.eye_m, bias=part.cut.bias, **fields)
+        )
+        buffers["panels"].write(self._panel_rows(part, quilt, guard_px))
+        buffers["eyes"].write(records.eye_rows(view, quilt, part.tolerance))
+        if pages.table is not None and pages.table is not self._table_of:
+            buffers["table"].write(page_table(pages.table))
+            self._table_of = pages.table
+        if pages.pairs is None:
             return len(quilt.panels), 0
-        quads = records.page_quads(view, quilt, cut, drawable.pairs, self._guard_of(quilt))
+        quads = records.page_quads(view, quilt, part.cut, pages.pairs, guard_px)
         buffers["quads"].write(quads)
         return len(quads), fields.get("cells", 0)
 
-    def _match(self, encoder: Any, quilt: Quilt, eye_m: Vec3 | None, target: Any, target_format: str) -> None:
-        if quilt not in self._windows:
-            self._windows[quilt] = QuiltPanels(self._view.display, quilt, guard_px=max(_RIM_PX, self._guard_of(quilt)))
-        windows = self._windows[quilt]
-        eyes_m = np.zeros((0, 3)) if eye_m is None else np.array([eye_m], dtype=float)
-        self._matching.record(encoder, windows, eyes_m, target, target_format)
-
-    def _guard_of(self, quilt: Quilt) -> float:
-        """Panels of other quilts than the display's own touch, and would be drawn over each other.
-
-        What is seen through lenses ends at outlines: beside it, the image without them would be something else.
-        """
-        return self._guard_px if quilt in self._view.display.quilts and self._view.cells is None else 0.0
-
-    def _panel_rows(self, quilt: Quilt, eye_m: Vec3 | None) -> records.Rows:
-        if self._view.maps is None:
-            return records.panel_rows(self._view, quilt, eye_m, self._guard_of(quilt))
+    def _panel_rows(self, part: ImagePart, quilt: Quilt, guard_px: float) -> records.Rows:
+        if part.view.maps is None:
+            return records.panel_rows(part.view, quilt, part.eye_m, guard_px)
         if quilt not in self._static_rows:
-            self._static_rows[quilt] = records.panel_rows(self._view, quilt, eye_m, self._guard_of(quilt))
+            self._static_rows[quilt] = records.panel_rows(part.view, quilt, part.eye_m, guard_px)
         return self._static_rows[quilt]
 
-    def _target(self, size_px: tuple[int, int], target_format: str) -> Any:
-        key = (size_px, target_format)
-        if key not in self._targets:
-            usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.TEXTURE_BINDING
-            self._targets[key] = self._device.wgpu.create_texture(
-                label="quilt", size=(*size_px, 1), format=target_format, usage=usage
-            )
-        return self._targets[key]
+
+def _guard_of(seen: QuiltView, view: ImageOnDisplay) -> float:
+    """Panels that touch would be drawn over each other.
+
+    What is seen through lenses ends at outlines: beside it, the image without them would be something else.
+    """
+    return seen.panels.guard_px if seen.panels.guard_px >= GUARD_PX and view.cells is None else 0.0
 
 
 class _Stage:
@@ -345,7 +248,7 @@ class _Stage:
         entries = [{"binding": _NUMBERS[name], "visibility": both, **kinds.get(name, storage)} for name in self._names]
         return self._device.wgpu.create_bind_group_layout(entries=entries)
 
-    def _pipeline(self, target_format: str, overlay: Overlay | None, turned: bool) -> Any:
+    def _pipeline(self, target_format: str, overlay: str, turned: bool) -> Any:
         colours: dict[str, Any] = {"format": target_format}
         # What is seen through lenses lies over what would be seen without them.
         if overlay != "exact" and self._kind != "lens":

@@ -18,7 +18,7 @@ from limen.display.panel import Panel
 from limen.display.quilt import Quilt
 from limen.geometry import Floats, Vec3
 from limen.layers.common.page_detail import BLEND_LEVELS
-from limen.layers.image.cut import Cut
+from limen.layers.image.cut import PageCut
 from limen.layers.image.lens_cells import first_pixel
 from limen.layers.image.select import ImageOnDisplay, shape_kind
 from limen.stream.pages import Drawable
@@ -213,7 +213,7 @@ def level_rows(pyramid: Pyramid) -> Rows:
     return rows
 
 
-def page_quads(view: ImageOnDisplay, quilt: Quilt, cut: Cut, drawable: Drawable, guard_px: float = 0.0) -> Rows:
+def page_quads(view: ImageOnDisplay, quilt: Quilt, cut: PageCut, drawable: Drawable, guard_px: float = 0.0) -> Rows:
     """Rows of `PAGE_QUAD` for the (panel, page) pairs of a cut that fall into a quilt.
 
     A quad holds the pixels whose centres lie in the page, so neighbours share no pixel and leave none out,
@@ -262,7 +262,7 @@ def _guard_pixels(guard_px: float) -> int:
 
 
 def _ramps(
-    view: ImageOnDisplay, cut: Cut, panel: Index, page: Index, level: Index, cell: Index
+    view: ImageOnDisplay, cut: PageCut, panel: Index, page: Index, level: Index, cell: Index
 ) -> tuple[Floats, Floats]:
     """The tolerances (log2 of texels) between which pages are drawn: their own tau, and their parent's."""
     top = len(view.pyramid.levels) - 1

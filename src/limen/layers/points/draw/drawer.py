@@ -10,7 +10,7 @@ Rusinkiewicz, Levoy 2000, *QSplat*, SIGGRAPH (splats of the nodes' own size, rou
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import wgpu
@@ -18,12 +18,10 @@ from numpy.typing import NDArray
 
 from limen.data.points.nodes import CHUNK_NODES, NODE
 from limen.errors import DeviceLimitError, InputError
-from limen.geometry import Floats
 from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.shader import load_shader
-from limen.gpu.targets import DEPTH_FORMAT, QUILT_FORMAT, Targets
-from limen.layers.common.matching import PanelMatching
+from limen.gpu.targets import DEPTH_FORMAT, Rgb, Target, Targets
 from limen.layers.common.panel_uniforms import view_rows
 from limen.layers.points.draw.uniforms import (
     CHUNK_ROW,
@@ -35,9 +33,17 @@ from limen.layers.points.draw.uniforms import (
     ray_rows,
     stride_of,
 )
-from limen.viewing.projection import QuiltPanels
+from limen.layers.points.layer import PointsPart
+from limen.stream.allocators import Slots
+from limen.stream.chunks import Update
+from limen.viewing.projection import QuiltView
 
-__all__ = ["METHODS", "SHAPES", "PointsLayer", "PointsOverlay", "Shape", "SplatMethod"]
+if TYPE_CHECKING:
+    from limen.layers.points.layer import PointsLayer
+
+__all__ = ["CHUNK_BYTES", "METHODS", "SHAPES", "PointsDrawer", "Shape", "SplatMethod"]
+
+CHUNK_BYTES = CHUNK_NODES * NODE.itemsize
 
 SplatMethod: TypeAlias = Literal["wide", "narrow", "quads"]
 METHODS: tuple[SplatMethod, ...] = get_args(SplatMethod)
@@ -48,9 +54,7 @@ On OpenGL ``quads`` is drawn as ``narrow`` where the adapter cannot hold all tha
 Shape: TypeAlias = Literal["round", "square"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 
-PointsOverlay: TypeAlias = Literal["panels", "simplified"]
-
-_OVERLAYS: dict[PointsOverlay | None, int] = {None: 0, "panels": 1, "simplified": 2}
+_OVERLAYS = {"": 0, "panels": 1, "simplified": 2}
 _GROUP, _ROW = 128, 65_535 * 128
 _ID_FORMAT = "r32uint"
 _NUMBERS = {
@@ -70,158 +74,98 @@ _BINDINGS: dict[str, tuple[str, ...]] = {
 _WRITTEN = ("placing", "depths", "firsts")
 
 
-class PointsLayer:
-    """One cloud on one display.
+class PointsDrawer:
+    """Draws splats of one cloud.
 
     Parameters
     ----------
-    tops
-        All nodes above chunks, dtype `limen.data.points.nodes.TOP`.
-    slots
-        How many chunks there is room for.
-    background
-        Linear light (red, green, blue) where nothing is drawn.
-    shape
-        ``round``: discs that face the eye. ``square``: the squares around the spheres' pictures.
-    method
-        One of `METHODS`, which all draw the same picture; by default the best that the adapter has.
+    layer
+        Its ``shape`` is ``round``: discs that face the eye; or ``square``: the squares around the spheres' pictures.
+        Its ``method`` is one of `METHODS`, which all draw the same picture; by default the best that the adapter has.
+    gpu_bytes
+        Memory for chunks; no more is taken than there are.
 
     Raises
     ------
+    InputError
+        If not one chunk fits into ``gpu_bytes``.
     DeviceLimitError
         If the adapter cannot hold so many chunks, or does not have the method.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        tops: NDArray[np.void],
-        slots: int,
-        *,
-        background: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        shape: Shape = "round",
-        method: SplatMethod | None = None,
-    ) -> None:
-        if shape not in SHAPES:
-            raise InputError(f"no shape of splats is named '{shape}': there are {', '.join(SHAPES)}")
-        self.method: SplatMethod = method or ("wide" if device.has_wide_atomics else "narrow")
+    def __init__(self, device: Device, layer: PointsLayer, gpu_bytes: int) -> None:
+        points = layer.points
+        slots = min(min(gpu_bytes, device.max_binding_bytes) // CHUNK_BYTES, points.chunks)
+        if slots < 1:
+            raise InputError(f"a cloud of points needs room for at least one chunk of {CHUNK_BYTES} bytes")
+        if layer.shape not in SHAPES:
+            raise InputError(f"no shape of splats is named '{layer.shape}': there are {', '.join(SHAPES)}")
+        self.method: SplatMethod = layer.method or ("wide" if device.has_wide_atomics else "narrow")
         if self.method == "wide" and not device.has_wide_atomics:
             raise DeviceLimitError(f"{device.adapter_name} has no 64-bit atomics: leave out the method, or take narrow")
-        self._device, self._background, self._round = device, background, int(shape == "round")
+        self._device, self._frames, self._round = device, points.frames, int(layer.shape == "round")
+        self.allocators = (Slots(slots),)
         self.most_placed = device.max_binding_bytes // PLACED.itemsize
         usage = wgpu.BufferUsage
         self._buffers = {
             name: GrowingBuffer(device, f"points {name}", usage.UNIFORM if name == "cloud" else usage.STORAGE)
             for name in ("cloud", "views", "rays", "pairs", "nodes", "tops", "chunks", "placed", "depths", "ids")
         }
-        self._buffers["tops"].write(np.ascontiguousarray(tops).view(np.uint32))
-        self._buffers["nodes"].reserve(max(slots, 1) * CHUNK_NODES * NODE.itemsize)
-        self._buffers["chunks"].reserve(max(slots, 1) * CHUNK_ROW.itemsize)
+        self._buffers["tops"].write(np.ascontiguousarray(np.concatenate(points.tops)).view(np.uint32))
+        self._buffers["nodes"].reserve(slots * CHUNK_BYTES)
+        self._buffers["chunks"].reserve(slots * CHUNK_ROW.itemsize)
         self._shader = load_shader(device, "limen.layers.points.draw", "points.wgsl")
         self._layouts = {step: self._layout(names) for step, names in _BINDINGS.items()}
         self._pipelines: dict[tuple[Any, ...], Any] = {}
         self._targets = Targets(device)
-        self._matching = PanelMatching(device)
 
-    def upload(
-        self, slot: int, nodes: NDArray[np.void], origin: NDArray[np.float32], step: float, radius: float
-    ) -> None:
-        """Put a chunk's nodes, (4681,) of `limen.data.points.nodes.NODE`, and its frame into a slot."""
-        queue = self._device.wgpu.queue
-        size = CHUNK_NODES * NODE.itemsize
-        queue.write_buffer(self._buffers["nodes"].buffer, slot * size, np.ascontiguousarray(nodes).view(np.uint32))
-        queue.write_buffer(
-            self._buffers["chunks"].buffer, slot * CHUNK_ROW.itemsize, chunk_row(origin, step, radius).view(np.uint8)
-        )
+    def upload(self, source: int, update: Update[NDArray[np.void]]) -> None:
+        queue, frames = self._device.wgpu.queue, self._frames
+        for chunk, (slot,), nodes in update.arrived:
+            words = np.ascontiguousarray(nodes).view(np.uint32)
+            row = chunk_row(frames.origin[chunk], float(frames.step[chunk]), float(frames.radius[chunk]))
+            queue.write_buffer(self._buffers["nodes"].buffer, slot * CHUNK_BYTES, words)
+            queue.write_buffer(self._buffers["chunks"].buffer, slot * CHUNK_ROW.itemsize, row.view(np.uint8))
 
-    def draw(
-        self,
-        windows: QuiltPanels,
-        eye_m: Floats,
-        room_from_cloud: Floats,
-        pairs: NDArray[np.uint32],
-        *,
-        lit: bool = True,
-        overlay: PointsOverlay | None = None,
-        target: Any = None,
-        target_format: str = QUILT_FORMAT,
-        slot: int = 0,
-    ) -> Any:
-        """Submit a frame.
+    def prepare(self, view: QuiltView, part: PointsPart, overlay: str) -> None:
+        """Nothing has to be known before."""
 
-        Parameters
-        ----------
-        eye_m
-            Shape (3,).
-        room_from_cloud
-            A rotation, one scale and a move, from the cloud's coordinates to the room, metres: shape (4, 4).
-        pairs
-            Of `limen.layers.points.select.PointCut`.
-        lit
-            Whether splats that have a normal are lit, or all shown as they are coloured.
-        target
-            A texture view to draw into (a window's), of ``target_format`` and the quilt's size.
-        slot
-            Quilts of one size are drawn over each other, unless they are given numbers of their own.
-
-        Returns
-        -------
-        texture
-            Valid until the next draw of a quilt of the same size and slot; ``None`` with a ``target``.
-        """
-        size = windows.quilt.size_px
+    def draw(self, encoder: Any, target: Target, view: QuiltView, part: PointsPart, overlay: str) -> None:
+        size, pairs = view.quilt.size_px, part.cut.pairs
         ends = [*range(self.most_placed, len(pairs), self.most_placed), len(pairs)]
-        self._write(windows, eye_m, np.asarray(room_from_cloud, dtype=float), pairs, ends, lit=lit)
-        texture = None if target is not None else self._targets.texture(size, target_format, slot)
-        view = texture.create_view() if texture is not None else target
-        encoder = self._device.wgpu.create_command_encoder(label="points")
+        self._write(view, part, ends, target.background)
         words = 2 if self.method == "wide" else 1
         ids = self._buffers["ids"]
         ids.reserve(stride_of(size[0]) * size[1] * 4 * words)
         self._find(encoder, size, ends)
         render_pass = encoder.begin_render_pass(
-            color_attachments=[{"view": view, "load_op": "clear", "store_op": "store"}]
+            color_attachments=[target.colour()], depth_stencil_attachment=None if target.alone else target.depth()
         )
-        render_pass.set_pipeline(self._colour_pipeline(target_format, overlay, words))
+        render_pass.set_pipeline(self._colour_pipeline(target.format, overlay, words, deep=not target.alone))
         render_pass.set_bind_group(0, self._group("colour"))
         render_pass.draw(3)
         render_pass.end()
-        self._matching.record(encoder, windows, np.asarray(eye_m)[None], view, target_format)
-        self._device.wgpu.queue.submit([encoder.finish()])
-        return texture
 
-    def read(self, texture: Any) -> NDArray[np.uint8]:
-        """A drawn quilt's pixels, shape (H, W, 4); waits until it is drawn."""
-        return self._targets.read(texture)
+    def triangles(self, *, wait: bool) -> int:
+        return 0
 
     def destroy(self) -> None:
         self._targets.destroy()
-        self._matching.destroy()
         for buffer in self._buffers.values():
             buffer.destroy()
         self._pipelines.clear()
 
     # ------------------------------------------------------------------ steps of a draw
 
-    def _write(
-        self,
-        windows: QuiltPanels,
-        eye_m: Floats,
-        room_from_cloud: Floats,
-        pairs: NDArray[np.uint32],
-        ends: Sequence[int],
-        *,
-        lit: bool,
-    ) -> None:
-        views = windows.seen_from(eye_m)
-        way = room_from_cloud[:3].copy()
-        way[:, 3] -= eye_m
+    def _write(self, view: QuiltView, part: PointsPart, ends: Sequence[int], background: Rgb) -> None:
+        windows, (eye,), request = view.panels, view.eyes, part.request
+        way = request.way_from_cloud
         unit_m = float(np.sqrt(np.square(way[:, :3]).sum() / 3))
         buffers = self._buffers
-        buffers["cloud"].write(cloud_rows(windows, way, unit_m, ends=ends, lit=lit, background=self._background))
-        buffers["views"].write(view_rows([views], [np.array(0.0)]))
-        buffers["rays"].write(ray_rows(windows, views))
-        buffers["pairs"].write(pairs)
+        buffers["cloud"].write(cloud_rows(windows, way, unit_m, ends=ends, lit=request.lit, background=background))
+        buffers["views"].write(view_rows([eye], [np.array(0.0)]))
+        buffers["rays"].write(ray_rows(windows, eye))
+        buffers["pairs"].write(part.cut.pairs)
         buffers["placed"].reserve(max(ends[0], 1) * PLACED.itemsize)
 
     def _find(self, encoder: Any, size: tuple[int, int], ends: Sequence[int]) -> None:
@@ -346,17 +290,20 @@ class PointsLayer:
             )
         return self._pipelines["quad",]
 
-    def _colour_pipeline(self, target_format: str, overlay: PointsOverlay | None, words: int) -> Any:
-        key = ("colour", target_format, overlay)
+    def _colour_pipeline(self, target_format: str, overlay: str, words: int, *, deep: bool) -> Any:
+        """``deep``: among other things, by the depth that all have in common."""
+        key = ("colour", target_format, overlay, deep)
         if key not in self._pipelines:
+            tested = {"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"}
             self._pipelines[key] = self._device.wgpu.create_render_pipeline(
                 label="points colour",
                 layout=self._pipeline_layout("colour"),
                 vertex={"module": self._shader, "entry_point": "whole"},
                 primitive={"topology": "triangle-list"},
+                depth_stencil=tested if deep else None,
                 fragment={
                     "module": self._shader,
-                    "entry_point": "colour",
+                    "entry_point": "colour_deep" if deep else "colour",
                     "constants": {"OVERLAY": _OVERLAYS[overlay], "WORDS": words},
                     "targets": [{"format": target_format}],
                 },

@@ -247,15 +247,40 @@ fn whole(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
     return vec4(f32(corner & 1u) * 4.0 - 1.0, f32(corner >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
+fn id_at(at: vec4<f32>) -> u32 {
+    let pixel = vec2<u32>(at.xy);
+    return ids[(pixel.y * cloud.stride + pixel.x) * WORDS];
+}
+
 @fragment
 fn colour(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
-    let pixel = vec2<u32>(at.xy);
-    let id = ids[(pixel.y * cloud.stride + pixel.x) * WORDS];
+    let id = id_at(at);
     if id == 0u {
         return vec4(cloud.background.rgb, 1.0);
     }
     let pair = pairs[NONE - id];
+    return colour_of(node_of(pair.x), pair.y);
+}
+
+struct Deep {
+    @location(0) colour: vec4<f32>,
+    @builtin(frag_depth) depth: f32,
+}
+
+// The same among other things, which have their own depth.
+@fragment
+fn colour_deep(@builtin(position) at: vec4<f32>) -> Deep {
+    let id = id_at(at);
+    if id == 0u {
+        discard;
+    }
+    let pair = pairs[NONE - id];
     let node = node_of(pair.x);
+    let deep = dot(views[pair.y].w.xyz, node.way);
+    return Deep(colour_of(node, pair.y), min(views[pair.y].x.w / deep, 1.0));
+}
+
+fn colour_of(node: Node, view: u32) -> vec4<f32> {
     let toward_eye = -normalize(node.way);
     var light = node.rgb;
     let facing = dot(node.normal, toward_eye);
@@ -266,7 +291,7 @@ fn colour(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
         light *= mix(direct, 1.0, cloud.light.w);
     }
     if OVERLAY == 1u {
-        light = mix(light, hue(pair.y), 0.4);
+        light = mix(light, hue(view), 0.4);
     }
     if OVERLAY == 2u && node.level > 0u {
         let margin = asin(clamp(node.radius / length(node.way), 0.0, 1.0));

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import wgpu
 
@@ -13,9 +13,7 @@ from limen.gpu.targets import DEPTH_FORMAT, SAMPLED_DEPTH
 from limen.layers.terrain.draw import uniforms as records
 from limen.layers.terrain.look import COLOURS, Colours
 
-__all__ = ["BINDINGS", "OUTLINE_VERTICES", "TerrainOverlay", "TerrainPipelines"]
-
-TerrainOverlay: TypeAlias = Literal["panels", "patches"]
+__all__ = ["BINDINGS", "OUTLINE_VERTICES", "TerrainPipelines"]
 
 BINDINGS = {
     "terrain": 0, "view": 1, "sources": 2, "table": 3, "relief_pool": 4, "heights_pool": 5, "drape_pool": 6,
@@ -76,25 +74,31 @@ class TerrainPipelines:
         fragment = self._fragment(entry, constants, [{"format": target_format}])
         return self._kept(("patches", target_format, colours, contours), "vertex", fragment)
 
-    def picture(self, target_format: str, colours: Colours, *, contours: bool, panels: bool, fading: bool) -> Any:
+    def picture(
+        self, target_format: str, colours: Colours, *, contours: bool, panels: bool, fading: bool, deep: bool = False
+    ) -> Any:
         """Colours every pixel of a panel from its depth.
 
-        ``panels`` lays the panels' tints over them. ``fading``: some page is not all there.
+        ``panels`` lays the panels' tints over them. ``fading``: some page is not all there. ``deep``: among other
+        things, by the depth that all have in common.
         """
-        key = ("picture", target_format, colours, contours, panels, fading)
+        key = ("picture", target_format, colours, contours, panels, fading, deep)
         if key not in self._made:
             constants = {"COLOURS": COLOURS.index(colours), "CONTOURS": int(contours), "PANELS": int(panels)}
             constants["FADING"] = int(fading)
-            tested = {"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "less"}
+            tested: dict[str, Any] | None = None
+            if deep:
+                tested = {"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"}
+            elif self.attaches_depth:
+                tested = {"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "less"}
+            entry = "picture_deep" if deep else "picture" if self.attaches_depth else "picture_alone"
             self._made[key] = self._device.wgpu.create_render_pipeline(
                 label="terrain",
                 layout=self._layout([self.layout, self.depth_layout]),
                 vertex={"module": self._fragments, "entry_point": "outline", "buffers": []},
                 primitive={"topology": "triangle-list"},
-                depth_stencil=tested if self.attaches_depth else None,
-                fragment=self._fragment(
-                    "picture" if self.attaches_depth else "picture_alone", constants, [{"format": target_format}]
-                ),
+                depth_stencil=tested,
+                fragment=self._fragment(entry, constants, [{"format": target_format}]),
             )
         return self._made[key]
 

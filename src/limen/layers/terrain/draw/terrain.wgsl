@@ -327,6 +327,21 @@ fn picture_alone(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f3
     return picture_at(position);
 }
 
+struct Deep {
+    @location(0) colour: vec4<f32>,
+    @builtin(frag_depth) depth: f32,
+}
+
+// The same among other things, which have their own depth.
+@fragment
+fn picture_deep(@builtin(position) position: vec4<f32>) -> Deep {
+    let depth = depth_at(vec2<i32>(position.xy));
+    if depth <= 0.0 {
+        discard;
+    }
+    return Deep(picture_at(position), depth);
+}
+
 // Every triangle flat, every patch in a hue of its own.
 fn flat_light(at: Surface, patch_number: u32) -> vec4<f32> {
     return vec4<f32>(light(at, facet(at.right, at.down), vec4<f32>(hue(patch_number), 0.35)), 1.0);

@@ -19,7 +19,7 @@ from limen.layers.common.page_detail import KEPT
 from limen.layers.common.panel_uniforms import ways_of_pixels
 from limen.layers.terrain import look as terrain_look
 from limen.layers.terrain.look import TerrainLook
-from limen.viewing.projection import NEAR_M, PanelProjections
+from limen.viewing.projection import PanelProjections
 
 __all__ = [
     "MOST_LEVELS",
@@ -31,7 +31,6 @@ __all__ = [
     "Origin",
     "in_strides",
     "nearest_first",
-    "nearest_m",
     "origin_near",
     "source_row",
     "terrain_row",
@@ -120,22 +119,6 @@ def vertex_rows(patch: int, content: Patch) -> Rows:
     rows = np.zeros(len(content.posts), VERTEX)
     rows["post"], rows["height_m"], rows["patch"] = content.posts, content.heights_m, patch
     return rows
-
-
-def nearest_m(nodes: Nodes, chosen: NDArray[np.int64], room_from_posts: Floats, eye_m: Floats) -> float:
-    """How far from an eye the chosen nodes begin: less than the distance to the nearest of their boxes, metres."""
-    if not len(chosen):
-        return NEAR_M
-    rect, low_high = nodes.rect[chosen].astype(float), nodes.low_high_m[chosen].astype(float)
-    middle = np.stack([rect[:, [0, 2]].mean(axis=1), rect[:, [1, 3]].mean(axis=1), low_high.mean(axis=1)], axis=1)
-    half = (
-        np.stack([np.ptp(rect[:, [0, 2]], axis=1), np.ptp(rect[:, [1, 3]], axis=1), np.ptp(low_high, axis=1)], axis=1)
-        / 2
-    )
-    placed = middle @ room_from_posts[:3, :3].T + room_from_posts[:3, 3] - eye_m
-    reach = half @ np.abs(room_from_posts[:3, :3]).T
-    gap = np.maximum(np.abs(placed) - reach, 0)
-    return max(float(np.linalg.norm(gap, axis=1).min()), NEAR_M)
 
 
 def nearest_first(

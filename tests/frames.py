@@ -1,0 +1,69 @@
+"""Frames for the tests of whole renderers: their messages, their finished pictures, and what is left on the adapter."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from limen.frame.renderer import Renderer
+from limen.frame.report import FrameReport, LayerReport
+from limen.viewing.policy import Policy
+from limen.viewing.state import FrameState
+from limen.viewing.viewer import Pointer, Viewer
+
+__all__ = ["FULL", "Rgb", "assert_same", "changed", "drawn", "frame_of", "living", "psnr", "row_of"]
+
+FULL = Policy("full")
+Rgb = NDArray[np.uint8]
+
+
+def frame_of(
+    renderer: Renderer, *viewers: Viewer, time_s: float | None = None, pointers: Sequence[Pointer] = (), **changes: Any
+) -> FrameState:
+    """The message of a frame for these viewers, by the first one's clock; ``changes``: of the first layer's state."""
+    now_s = time_s if time_s is not None else viewers[0].time_s if viewers else 0.0
+    return changed(renderer.state(now_s, viewers=viewers, pointers=tuple(pointers)), **changes)
+
+
+def changed(frame: FrameState, **changes: Any) -> FrameState:
+    """The same with other fields of the first layer's state."""
+    first, *others = frame.layers
+    return msgspec.structs.replace(frame, layers=(msgspec.structs.replace(first, **changes), *others))
+
+
+def drawn(renderer: Renderer, frame: FrameState, **options: Any) -> tuple[dict[str, Rgb], FrameReport]:
+    """Copies of all finished pictures (h, w, 3), and one report for all of them."""
+    pictures, reports = {}, {}
+    for name, pixels, report in renderer.pictures(frame, **options):
+        pictures[name] = pixels[..., :3].copy()
+        reports[id(report)] = report
+    return pictures, FrameReport.of(list(reports.values()))
+
+
+def row_of(report: FrameReport) -> LayerReport:
+    """What is told of the only layer."""
+    (row,) = report.layers
+    return row
+
+
+def assert_same(one: NDArray[Any], other: NDArray[Any], but: float = 0.002) -> None:
+    """But for edges, which fall on another side of a pixel's middle where it lies elsewhere in a quilt."""
+    assert one.shape == other.shape
+    assert (np.abs(one.astype(int) - other).max(axis=-1) > 8).mean() <= but
+
+
+def psnr(one: NDArray[Any], other: NDArray[Any]) -> float:
+    return float(10 * np.log10(255**2 / ((one.astype(float) - other) ** 2).mean()))
+
+
+def living() -> dict[str, int]:
+    """How many objects of each kind the adapter holds for us."""
+    import wgpu
+
+    gc.collect()
+    return {name: row["count"] for name, row in wgpu.diagnostics.object_counts.get_dict().items()}
