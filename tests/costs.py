@@ -21,7 +21,9 @@ FIRST: tuple[str, ...] = (
     "tests/test_examples.py",
     "tests/draw/test_feedback.py",
     "tests/test_launcher_drivers.py",
-    "tests/test_frame.py",
+    "tests/frame/test_renderer.py",
+    "tests/frame/test_layers.py",
+    "tests/frame/test_images.py",
     "tests/study/test_observer.py",
     "benchmarks/test_image.py",
     "tests/draw/test_sampling.py",
@@ -33,6 +35,7 @@ FIRST: tuple[str, ...] = (
     "tests/cli/test_show_terrain.py",
     "tests/data/test_contrast_file.py",
     "tests/cli/test_show_mesh.py",
+    "tests/show/test_show_file.py",
 )
 """The most expensive files, which the last lines of a whole run name; the others follow, those of many tests first."""
 
