@@ -1,16 +1,30 @@
-"""Small contents of every kind."""
+"""Small contents of every kind, each as a layer, and renderers of it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from clouds import ball
+from frames import CLOSE, EYE, FULL, STANDS, WALL, Make
 from ground import write_dem
 from limen.data import sample_image
-from limen.data.samples.mesh import sample_mesh
+from limen.data.image.file import open_image
+from limen.data.samples.mesh import sample_mesh, torus_knot
 from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
+from limen.frame.renderer import Renderer
+from limen.layers.base import Layer
+from limen.layers.common.room_placement import RoomPlacement
+from limen.layers.image.layer import ImageLayer
+from limen.layers.mesh.layer import MeshLayer
+from limen.layers.points.layer import PointsLayer
+from limen.layers.registry import KINDS
+from limen.layers.terrain.layer import TerrainLayer
+from limen.layers.terrain.selector import TerrainSettings
 
 
 @pytest.fixture(scope="session")
@@ -33,3 +47,39 @@ def terrain(tmp_path_factory: pytest.TempPathFactory) -> Terrain:
     folder = tmp_path_factory.mktemp("terrain")
     ingest_terrain(write_dem(folder / "hills.tif"), folder / "hills.terrain")
     return Terrain.open(folder / "hills.terrain")
+
+
+@pytest.fixture(scope="session")
+def layers(world: Path, terrain: Terrain) -> Iterator[dict[str, Layer]]:
+    """One of every kind, of which all detail is drawn."""
+    with open_image(world) as image:
+        yield {
+            "image": ImageLayer(image, policy=FULL),
+            "mesh": MeshLayer(torus_knot(3000), RoomPlacement()),
+            "terrain": TerrainLayer(terrain, settings=TerrainSettings(CLOSE), policy=FULL, reference_m=EYE),
+            "points": PointsLayer(ball(20_000), RoomPlacement(matrix=STANDS), FULL),
+        }
+
+
+@pytest.fixture(params=list(KINDS))
+def kind(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def layer(kind: str, layers: dict[str, Layer]) -> Layer:
+    return layers[kind]
+
+
+@pytest.fixture
+def make(device: Any, layer: Layer) -> Iterator[Make]:
+    """Makes renderers of the layer."""
+    made: list[Renderer] = []
+
+    def renderer(**options: Any) -> Renderer:
+        made.append(Renderer(device, WALL, [layer], **options))
+        return made[-1]
+
+    yield renderer
+    for each in made:
+        each.close()

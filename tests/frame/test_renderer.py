@@ -1,115 +1,41 @@
-"""Frames of every kind of content: live ones never wait, finished ones are the same again, what cannot be is said."""
+"""Frames of every kind of content: live ones never wait, finished ones are the same again, and all is given back."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 import pytest
 
-from clouds import ball
-from frames import FULL, Rgb, assert_same, changed, drawn, frame_of, living, row_of
-from limen.data.image.file import open_image
-from limen.data.samples.mesh import torus_knot
-from limen.data.terrain.file import Terrain
-from limen.display.display import Display
+from frames import (
+    ELSEWHERE,
+    EYE,
+    SMALL_PX,
+    VIEWER,
+    WALL,
+    Make,
+    assert_equal,
+    assert_same,
+    drawn,
+    frame_of,
+    lit,
+    living,
+    row_of,
+)
 from limen.errors import InputError
 from limen.frame.renderer import Renderer
 from limen.gpu.buffers import TextureReader
 from limen.layers.base import Layer
-from limen.layers.common.room_placement import RoomPlacement
-from limen.layers.image.layer import ImageLayer
-from limen.layers.mesh.layer import MeshLayer
-from limen.layers.points.layer import PointsLayer
-from limen.layers.registry import KINDS
-from limen.layers.terrain.layer import TerrainLayer
-from limen.layers.terrain.selector import TerrainSettings
 from limen.stream.chunks import Allocator, ChunkStream, Streaming
 from limen.stream.pages import FADE_S
 from limen.viewing.camera import Camera
-from limen.viewing.placement import InRoom, LookAt, OnSurface
-from limen.viewing.policy import Policy
-from limen.viewing.state import AnyPlacement, decode, encode
+from limen.viewing.state import decode, encode
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
-
-WALL = Display.preset("rostock").scaled(0.05)  # 24 panels of 96 x 60 pixels
-EYE = (0.2, 1.7, 0.3)
-VIEWER = Viewer(EYE, time_s=2.5)
-SMALL_PX = 30_000  # of a quilt: four of the panels and more
-STANDS = np.array([[0.7, 0, 0, 0], [0, 0.7, 0, 1.5], [0, 0, 0.7, -3.0], [0, 0, 0, 1.0]])
-CLOSE = LookAt((0.55, 0.5), 30, 35, 5_000)
-ELSEWHERE: dict[str, AnyPlacement] = {
-    "image": OnSurface(zoom=2.0, centre=(0.3, 0.6)),
-    "mesh": InRoom.of(STANDS @ np.diag([0.5, 0.5, 0.5, 1.0])),
-    "terrain": msgspec.structs.replace(CLOSE, heading_deg=120.0),
-    "points": InRoom.of(STANDS @ np.diag([0.5, 0.5, 0.5, 1.0])),
-}
-FOREIGN: dict[str, AnyPlacement] = {
-    "image": InRoom.of(STANDS), "mesh": OnSurface(), "terrain": InRoom.of(STANDS), "points": LookAt(),
-}  # fmt: skip
-IN_ROOM = [kind for kind in KINDS if kind != "image"]
-
-Make = Callable[..., Renderer]
-
-
-@pytest.fixture(scope="module")
-def layers(world: Path, terrain: Terrain) -> Iterator[dict[str, Layer]]:
-    """One of every kind, of which all detail is drawn."""
-    with open_image(world) as image:
-        yield {
-            "image": ImageLayer(image, policy=FULL),
-            "mesh": MeshLayer(torus_knot(3000), RoomPlacement()),
-            "terrain": TerrainLayer(terrain, settings=TerrainSettings(CLOSE), policy=FULL, reference_m=EYE),
-            "points": PointsLayer(ball(20_000), RoomPlacement(matrix=STANDS), FULL),
-        }
-
-
-@pytest.fixture(params=list(KINDS))
-def kind(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
-
-
-@pytest.fixture
-def layer(kind: str, layers: dict[str, Layer]) -> Layer:
-    return layers[kind]
-
-
-@pytest.fixture
-def make(device: Any, layer: Layer) -> Iterator[Make]:
-    """Makes renderers of the layer."""
-    made: list[Renderer] = []
-
-    def renderer(**options: Any) -> Renderer:
-        made.append(Renderer(device, WALL, [layer], **options))
-        return made[-1]
-
-    yield renderer
-    for each in made:
-        each.close()
-
-
-def assert_equal(one: dict[str, Rgb], other: dict[str, Rgb]) -> None:
-    assert list(one) == list(other)
-    for name, picture in one.items():
-        np.testing.assert_array_equal(picture, other[name], name)
-
-
-def lit(pictures: dict[str, Rgb]) -> int:
-    """How many pixels show more than what lies behind everything."""
-    return sum(int((picture.max(axis=-1) > 40).sum()) for picture in pictures.values())
-
-
-def off(one: dict[str, Rgb], other: dict[str, Rgb]) -> int:
-    """How many pixels clearly differ."""
-    assert list(one) == list(other)
-    return sum(int((np.abs(one[name].astype(int) - other[name]).max(axis=-1) > 8).sum()) for name in one)
 
 
 # ---------------------------------------------------------------------------- what it holds
@@ -293,7 +219,8 @@ def test_some_panels_are_drawn_alone(make: Make) -> None:
 
 
 def test_panels_of_a_part_show_what_they_show_of_the_whole(device: Any, layer: Layer, make: Make, kind: str) -> None:
-    every, _ = drawn(make(), frame_of(make(), VIEWER))
+    one = make()
+    every, _ = drawn(one, frame_of(one, VIEWER))
     part = WALL.select("wall/2,*")
     with Renderer(device, part, [layer], whole=WALL) as renderer:
         some, _ = drawn(renderer, frame_of(renderer, VIEWER))
@@ -304,152 +231,7 @@ def test_panels_of_a_part_show_what_they_show_of_the_whole(device: Any, layer: L
         assert_same(picture, every[name], 0.004)
 
 
-# ---------------------------------------------------------------------------- what a state says
-
-
-def test_a_thing_moves_with_its_state_alone(make: Make, kind: str) -> None:
-    renderer = make()
-    here = frame_of(renderer, VIEWER)
-    there = changed(here, placement=ELSEWHERE[kind])
-    before, moved, after = (drawn(renderer, frame)[0] for frame in (here, there, here))
-    assert off(before, moved) > 1000
-    assert_equal(before, after)
-    live = renderer.frame(there)
-    assert live.layers[0].panels_active > 0
-
-
-def test_what_is_invisible_leaves_the_background(make: Make) -> None:
-    renderer = make(background=(0.5, 0.2, 0.05))
-    hidden = frame_of(renderer, VIEWER, visible=False)
-    for frame in (hidden, msgspec.structs.replace(hidden, viewers=())):
-        pictures, report = drawn(renderer, frame)
-        assert len(pictures) == 24
-        for picture in pictures.values():
-            assert np.abs(picture.astype(int) - (188, 124, 63)).max() <= 1
-        assert (report.layers, report.missing) == ((), 0)
-        assert renderer.frame(frame).layers == ()
-    assert off(pictures, drawn(renderer, frame_of(renderer, VIEWER))[0]) > 1000
-
-
-def test_what_is_shown_over_it_is_seen(make: Make, kind: str) -> None:
-    renderer = make()
-    # Something has to stand for more, to be shown as such; a mesh without a tree leaves nothing out.
-    policy = Policy("budget", max_items=300) if kind == "points" else FULL
-    bare = frame_of(renderer, VIEWER, policy=policy)
-    plain, _ = drawn(renderer, bare)
-    for overlay in set(KINDS[kind].overlays) - {"error"}:  # of what lenses bend
-        shown = changed(bare, overlay=overlay)
-        if (kind, overlay) == ("mesh", "simplified"):
-            with pytest.raises(InputError, match="shows what a policy leaves out"):
-                renderer.frame(shown)
-            continue
-        assert off(plain, drawn(renderer, shown)[0]) > 500, overlay
-    assert_equal(plain, drawn(renderer, bare)[0])
-
-
-def test_the_first_viewer_is_drawn_for_or_an_eye_of_the_renderers_own(make: Make, kind: str) -> None:
-    aside = Viewer((-0.5, 1.3, 0.8))
-    renderer, own = make(), make(eye_m=EYE)
-    seen, _ = drawn(renderer, frame_of(renderer, VIEWER, aside))
-    turned, _ = drawn(renderer, frame_of(renderer, aside, VIEWER))
-    assert (off(seen, turned) > 1000) == (kind != "image")
-    for viewers in ((), (aside,)):
-        assert_equal(seen, drawn(own, frame_of(own, *viewers))[0])
-
-
-# ---------------------------------------------------------------------------- two eyes
-
-
-@pytest.mark.parametrize("kind", IN_ROOM, indirect=True)
-def test_two_pictures_lie_side_by_side_or_come_after_each_other(make: Make) -> None:
-    beside, after = make(stereo="side-by-side"), make(stereo="sequential")
-    both, apart = (drawn(each, frame_of(each, VIEWER))[0] for each in (beside, after))
-    assert list(both) == [panel.name for panel in WALL.panels]
-    assert list(apart) == [f"{name}@{eye}" for name in both for eye in ("left", "right")]
-    for name, picture in both.items():
-        np.testing.assert_array_equal(picture, np.hstack([apart[f"{name}@left"], apart[f"{name}@right"]]))
-    for eye, position_m in zip(("left", "right"), VIEWER.eyes_m, strict=True):
-        one = make()
-        alone, _ = drawn(one, frame_of(one, Viewer(tuple(position_m))))
-        for name, picture in alone.items():
-            assert_same(picture, apart[f"{name}@{eye}"], 0.01)
-
-
-@pytest.mark.parametrize("kind", IN_ROOM, indirect=True)
-def test_an_anaglyph_is_one_picture_that_cameras_see(make: Make) -> None:
-    one, two = make(), make(stereo="anaglyph")
-    plain, mixed = (drawn(each, frame_of(each, VIEWER))[0] for each in (one, two))
-    assert off(plain, mixed) > 500
-    camera = Camera(EYE, (0.0, 1.5, -1.5), (80, 60), 60.0)
-    (seen,) = two.seen(frame_of(two, VIEWER), [camera])
-    assert (seen[..., :3].max(axis=-1) > 40).mean() > 0.05
-    assert len(two.textures(frame_of(two, VIEWER))[0]) == len(two.quilts)
-
-
-@pytest.mark.parametrize("kind", IN_ROOM, indirect=True)
-@pytest.mark.parametrize("stereo", ["side-by-side", "sequential"])
-def test_no_camera_sees_two_pictures_at_once(make: Make, stereo: str) -> None:
-    renderer = make(stereo=stereo)
-    frame = frame_of(renderer, VIEWER)
-    with pytest.raises(InputError, match=f"'{stereo}' shows two pictures at once"):
-        renderer.seen(frame, [])
-    with pytest.raises(InputError, match=f"'{stereo}' shows two pictures at once"):
-        renderer.textures(frame)
-
-
 # ---------------------------------------------------------------------------- what cannot be
-
-
-def test_a_state_that_is_not_of_its_kind_is_refused_by_name(make: Make, kind: str) -> None:
-    renderer = make()
-    noun = KINDS[kind].noun
-    wrongs: list[tuple[dict[str, Any], str]] = [
-        ({"overlay": "sparkles"}, f"'sparkles' is not for {noun}: give '"),
-        ({"placement": FOREIGN[kind]}, f"^{noun} is not placed by {type(FOREIGN[kind]).__name__}: give "),
-    ]
-    wrongs += [
-        ({"policy": policy}, f"{policy.name}.* is not for {noun}: give full, acuity")
-        for policy in (Policy("scheel"), Policy("budget", max_items=1000), Policy("size", max_items=1000))
-        if policy.name not in KINDS[kind].policies
-    ]
-    assert len(wrongs) > 2
-    for wrong, says in wrongs:
-        frame = frame_of(renderer, VIEWER, **wrong)
-        with pytest.raises(InputError, match=says):
-            renderer.frame(frame)
-        with pytest.raises(InputError, match=says):
-            next(renderer.pictures(frame))
-        renderer.frame(changed(frame, visible=False))
-    assert lit(drawn(renderer, frame_of(renderer, VIEWER))[0]) > 1000, "it goes on"
-
-
-def test_a_frame_has_a_state_for_every_layer(make: Make) -> None:
-    renderer = make()
-    frame = frame_of(renderer, VIEWER)
-    for count in (0, 2):
-        wrong = msgspec.structs.replace(frame, layers=frame.layers * count)
-        with pytest.raises(InputError, match=f"a frame of {count} layers is drawn by a renderer of 1"):
-            renderer.frame(wrong)
-        with pytest.raises(InputError, match=f"a frame of {count} layers is drawn by a renderer of 1"):
-            next(renderer.pictures(wrong))
-
-
-def test_all_but_images_are_drawn_for_somebody(make: Make, kind: str) -> None:
-    renderer = make()
-    frame = frame_of(renderer)
-    if kind == "image":
-        assert lit(drawn(renderer, frame)[0]) > 1000
-        assert renderer.frame(frame).layers[0].panels_active > 0
-        return
-    says = f"^{KINDS[kind].noun} is drawn for somebody's eyes: give a viewer"
-    with pytest.raises(InputError, match=says):
-        renderer.frame(frame)
-    with pytest.raises(InputError, match=says):
-        renderer.textures(frame)
-    with pytest.raises(InputError, match=says):
-        next(renderer.pictures(frame))
-    with pytest.raises(InputError, match=says):
-        renderer.seen(frame, [])
 
 
 def test_a_stereo_that_does_not_exist_is_refused(make: Make) -> None:

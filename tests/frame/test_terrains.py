@@ -102,8 +102,9 @@ def test_the_land_stands_where_a_mesh_of_all_its_posts_stands(device: Any, rende
     first = (columns + SIZE[0] * rows)[:-1, :-1].reshape(-1, 1)
     triangles = (first + np.array([[0, SIZE[0], SIZE[0] + 1, 0, SIZE[0] + 1, 1]])).reshape(-1, 3).astype(np.uint32)
     count = len(posts)
+    up = np.tile(np.array([0, 0, 1], np.float32), (count, 1))
     mesh = Mesh(
-        None, posts, triangles, np.tile(np.float32([0, 0, 1]), (count, 1)), np.full((count, 4), 255, np.uint8),
+        None, posts, triangles, up, np.full((count, 4), 255, np.uint8),
         np.zeros((count, 2), np.float32), np.full(count, NO_TEXTURE), np.zeros((0, 1, 1, 4), np.uint8),
     )  # fmt: skip
     matrix = room_from_posts(terrain, WALL, EYE, CLOSE)

@@ -106,7 +106,7 @@ class Painter:
         into: tuple[Any, str, int],
         spent_ms: NDArray[np.float64],
     ) -> Any:
-        """Submit one view with all layers: those on panels first, and then what stands behind them by its depth."""
+        """Submit one view with all layers: by their depth, and what lies on panels where nothing else is seen."""
         target, target_format, slot = into
         texture, alone = None, len(pieces) == 1
         if target is None:
@@ -115,7 +115,7 @@ class Painter:
             )
         else:
             canvas = Target(self._targets, target, target_format, view.size_px, self._background, alone=alone)
-        in_order = sorted(range(len(pieces)), key=lambda number: not pieces[number].shown.kind.on_panels)
+        in_order = sorted(range(len(pieces)), key=lambda number: pieces[number].shown.kind.on_panels)
         for number in in_order:
             begin, piece = time.perf_counter(), pieces[number]
             piece.shown.drawer.prepare(view, piece.cut.parts[part], piece.state.overlay)

@@ -49,6 +49,11 @@ class Target:
         self._cleared = True
         return {"view": self.view, "clear_value": (*self.background, 1.0), "load_op": load, "store_op": "store"}
 
+    @property
+    def is_deep(self) -> bool:
+        """Whether somebody has drawn into the depth."""
+        return self._deep
+
     def depth(self) -> dict[str, Any]:
         """The attachment of a pass that draws into the depth: reversed, 1 is near, 0 nothing."""
         load = "load" if self._deep else "clear"

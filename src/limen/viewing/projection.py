@@ -199,7 +199,7 @@ class QuiltPanels:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class QuiltView:
     """One quilt as the eyes that it is drawn for see it: what every layer selects by and draws with.
 
@@ -207,29 +207,38 @@ class QuiltView:
     ----------
     panels
         The quilt's, whatever the eye.
-    eyes
-        What each eye sees of them: one, or two side by side; none where nobody looks.
+    eyes_m
+        Where the eyes are, shape (E, 3): one, or two side by side; none where nobody looks.
     looking
         Where the first viewer's head points.
+    near_m
+        Nothing nearer to any eye is to be seen: the larger, the finer is depth on adapters that need it.
     """
 
     panels: QuiltPanels
-    eyes: tuple[PanelProjections, ...] = ()
+    eyes_m: Floats
     looking: Vec3 = (0.0, 0.0, -1.0)
-
-    def __post_init__(self) -> None:
-        if self.eyes and len(self.eyes) != self.panels.copies:
-            raise ValueError(f"windows for {self.panels.copies} eyes were given {len(self.eyes)}")
+    near_m: float = NEAR_M
 
     @classmethod
     def of(cls, panels: QuiltPanels, eyes_m: Sequence[Vec3 | Floats], looking: Vec3 = (0.0, 0.0, -1.0)) -> QuiltView:
         """As eyes at these places see it."""
-        return cls(panels, tuple(panels.seen_from(eye_m, copy) for copy, eye_m in enumerate(eyes_m)), looking)
+        if len(eyes_m) not in (0, panels.copies):
+            raise ValueError(f"windows for {panels.copies} eyes were given {len(eyes_m)}")
+        return cls(panels, np.array(eyes_m, dtype=float).reshape(-1, 3), looking)
+
+    @cached_property
+    def eyes(self) -> tuple[PanelProjections, ...]:
+        """What each eye sees of the panels; made when it is first asked for, as images on them do not."""
+        return tuple(self.panels.seen_from(eye_m, copy, self.near_m) for copy, eye_m in enumerate(self.eyes_m))
 
     def beginning_at(self, near_m: float) -> QuiltView:
-        """The same where nothing is nearer to any eye: the larger, the finer is depth on adapters that need it."""
-        eyes = tuple(eye._replace(near=self.panels.near_of(eye.eye_m, near_m)) for eye in self.eyes)
-        return replace(self, eyes=eyes)
+        """The same where nothing is nearer to any eye."""
+        view = replace(self, near_m=near_m)
+        if "eyes" in vars(self):  # all but the depth is known
+            eyes = (eye._replace(near=self.panels.near_of(eye.eye_m, near_m)) for eye in self.eyes)
+            vars(view)["eyes"] = tuple(eyes)
+        return view
 
     @property
     def quilt(self) -> Quilt:
@@ -242,14 +251,9 @@ class QuiltView:
         return (width * self.panels.copies, height)
 
     @property
-    def eyes_m(self) -> Floats:
-        """Where the eyes are, shape (E, 3)."""
-        return np.array([eye.eye_m for eye in self.eyes]).reshape(-1, 3)
-
-    @property
     def facing(self) -> NDArray[np.bool_]:
         """Which panels the first eye is in front of, shape (N,); all where nobody looks."""
-        return self.eyes[0].facing if self.eyes else np.ones(len(self.quilt.panels), np.bool_)
+        return self.panels.facing(self.eyes_m[0]) if len(self.eyes_m) else np.ones(len(self.quilt.panels), np.bool_)
 
 
 def guard_of(display: Display, quilt: Quilt) -> float:

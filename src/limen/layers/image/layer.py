@@ -166,8 +166,8 @@ class ImageSelector:
         assert isinstance(placement, OnSurface | OnShape)
         if isinstance(placement, OnSurface):
             placement = placement.carrying(self._whole, self._pyramid.size_px, frame.pointers)
-        eyes = views[0].eyes
-        eye_m = as_vec3(eyes[0].eye_m, "eye") if eyes else None
+        eyes_m = views[0].eyes_m
+        eye_m = as_vec3(eyes_m[0], "eye") if len(eyes_m) else None
         tolerance = tolerance_of(frame.viewers, state.policy)
         every = tuple(range(len(self._display.panels)))
         panels = tuple(sorted({panel for view in views for panel in view.quilt.panels}))

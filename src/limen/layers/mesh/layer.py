@@ -133,6 +133,8 @@ class MeshSelector:
     def __init__(self, layer: MeshLayer, display: Display) -> None:
         self._layer = layer
         self._whites = [panel.luminance_cd_m2 for panel in display.panels]
+        # Of all nodes, where there is a tree: they may lie a little beside the mesh.
+        self._bounds = _bounds_of(layer.mesh.positions if layer.tree is None else layer.tree.tree.position)
         self._kept: dict[int, tuple[Any, MeshCut]] = {}  # of each view of a frame
 
     def complete(self, state: LayerState) -> None:
@@ -158,10 +160,7 @@ class MeshSelector:
             error_px=max((cut.largest_px for cut in chosen), default=0.0),
             distance_factor=max((cut.reached for cut in chosen), default=0.0),
         )
-        bounds = (layer.mesh if deformed is None else deformed).bounds
-        if layer.tree is not None:  # whose nodes may lie a little beside the mesh
-            places = layer.tree.tree.position
-            bounds = np.array([places.min(axis=0), places.max(axis=0)])
+        bounds = self._bounds if deformed is None else _bounds_of(deformed.positions)
         near_m = tuple(nearest_m(bounds, stands, view.eyes_m) for view in views)
         return Cut(tuple(MeshPart(stands, cut, deformed) for cut in cuts), counts, near_m=near_m)
 
@@ -202,6 +201,10 @@ def nearest_m(bounds: NDArray[Any], room_from_mesh: Floats, eyes_m: Floats) -> f
     radius = float(np.linalg.norm(placed - middle, axis=1).max())
     away = np.linalg.norm(eyes_m - middle, axis=1)
     return max(float(away.min(initial=np.inf)) - radius, NEAR_M)
+
+
+def _bounds_of(places: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.array([places.min(axis=0), places.max(axis=0)])
 
 
 def _check_tree(layer: MeshLayer, policy: Policy) -> None:

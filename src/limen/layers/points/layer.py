@@ -130,7 +130,7 @@ class PointsSelector:
         return self._chosen(requests, resident)
 
     def take(self, source: int, update: Update[NDArray[Any]]) -> None:
-        for _, (slot,), nodes in update.arrived:
+        for _, (slot,), nodes in update.arrived:  # in slots that a frame was chosen for, which made room for all
             self._nodes[slot] = nodes
 
     def resolve(self, cut: Cut[PointsPart], resident: Residents) -> Cut[PointsPart]:

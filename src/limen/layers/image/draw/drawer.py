@@ -19,7 +19,7 @@ from limen.gpu.buffers import GrowingBuffer
 from limen.gpu.device import Device
 from limen.gpu.pool import PagePool
 from limen.gpu.shader import load_shader
-from limen.gpu.targets import Target
+from limen.gpu.targets import DEPTH_FORMAT, Target
 from limen.layers.common.page_detail import Detail
 from limen.layers.image.draw import uniforms as records
 from limen.layers.image.draw.lens_mesh import LensMesh
@@ -53,8 +53,12 @@ _OVER = {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operat
 """Levels that blend into each other are painted over each other, the coarsest first."""
 
 
-_Variant: TypeAlias = tuple[str, str, bool]
-"""Of a pipeline: the target's format, the overlay, and whether a panel is turned."""
+_WHERE_NOTHING_IS = {"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "greater-equal"}
+"""Images have the depth 0."""
+
+_Variant: TypeAlias = tuple[str, str, bool, bool]
+"""Of a pipeline: the target's format, the overlay, whether a panel is turned, and whether there is depth: then it is
+drawn where nothing else is, which lies behind all."""
 
 
 class ImageDrawer:
@@ -122,9 +126,11 @@ class ImageDrawer:
         if cells:
             self.lens_mesh.encode(encoder, cells, self._buffers)
             self._buffers["corners"] = self.lens_mesh.corners
-        render_pass = encoder.begin_render_pass(color_attachments=[target.colour()])
+        render_pass = encoder.begin_render_pass(
+            color_attachments=[target.colour()], depth_stencil_attachment=target.depth() if target.is_deep else None
+        )
         resources = {"pool": self._pool.texels, "bilinear": self._sampler}
-        variant = (target.format, overlay, any(quilt.turns))
+        variant = (target.format, overlay, any(quilt.turns), target.is_deep)
         if quads:
             stage = self._stages["bent" if shown.maps is None else "flat"]
             stage.begin(render_pass, self._buffers, resources, variant)
@@ -248,7 +254,7 @@ class _Stage:
         entries = [{"binding": _NUMBERS[name], "visibility": both, **kinds.get(name, storage)} for name in self._names]
         return self._device.wgpu.create_bind_group_layout(entries=entries)
 
-    def _pipeline(self, target_format: str, overlay: str, turned: bool) -> Any:
+    def _pipeline(self, target_format: str, overlay: str, turned: bool, deep: bool) -> Any:
         colours: dict[str, Any] = {"format": target_format}
         # What is seen through lenses lies over what would be seen without them.
         if overlay != "exact" and self._kind != "lens":
@@ -258,6 +264,7 @@ class _Stage:
             layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
             vertex={"module": self._shader, "entry_point": f"{self._kind}_vertex"},
             primitive={"topology": "triangle-list" if self._kind == "lens" else "triangle-strip"},
+            depth_stencil=_WHERE_NOTHING_IS if deep else None,
             fragment={
                 "module": self._shader,
                 "entry_point": f"{self._kind}_fragment",
