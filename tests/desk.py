@@ -202,6 +202,7 @@ TRIES: dict[str, Try] = {
     "--panels": Try(("--panels", "a")),
     "--session": Try(("--session", "walk.csv")),
     "--viewer": Try(("--viewer", "-0.4,0.3,1")),
+    "--tracker": Try(("--tracker", "circling:20")),
     "--gaze": Try(("--gaze", "0.4,0.1,-1"), ("--policy", "contrast+gaze")),
     "--policy": Try(("--policy", "contrast")),
     "--acuity-arcmin": Try(("--acuity-arcmin", "2"), ("--policy", "contrast")),

@@ -14,6 +14,7 @@ from desk import LENS, NAMES, TRIES, Desk, Try, Verb, assert_refused, keep_open
 from limen.cli import heard
 from limen.cli.heard import SHOW, TRAFFIC, VERIFY, WAYS, Heard, Kind, Way
 from limen.display.display import Display
+from limen.viewing.viewer import Pointer, Viewer
 
 WAYS_WORDS: dict[Way, tuple[str, ...]] = {
     "browse": (),
@@ -23,7 +24,16 @@ WAYS_WORDS: dict[Way, tuple[str, ...]] = {
 }
 
 
+def tracked_tour(time_s: float) -> list[Viewer]:
+    return [Viewer((time_s, 1.0, 2.0))]
+
+
+def tracked_pointers(time_s: float) -> list[Pointer]:
+    return [Pointer((time_s, 1.0, 2.0), (0.0, 0.0, -1.0))]
+
+
 OVERLAYS: dict[Kind, str] = {"image": "levels", "mesh": "panels", "points": "simplified", "terrain": "patches"}
+TRACKED = {"circling:20": {"viewers": tracked_tour, "pointers": tracked_pointers}}
 THE_WAY_ITSELF = {"--display", "--out"}
 """Options that choose the way, in which all others are tried."""
 
@@ -33,6 +43,7 @@ def show(desk: Desk, contents: dict[str, Any], monkeypatch: pytest.MonkeyPatch) 
     """A desk where ``limen show`` ends as soon as a renderer has been asked; content is open already."""
     monkeypatch.setattr("limen.cli.show_content.opened_content", lambda _out, path: contents[str(path)])
     keep_open(monkeypatch, contents[NAMES["image"]])
+    monkeypatch.setattr("limen.cli.show_content.open_tracker", lambda how: SimpleNamespace(close=str, **TRACKED[how]))
     monkeypatch.setattr("limen.data.mesh.store.tree_of", lambda _mesh: None)
     monkeypatch.setattr("limen.cli.show_content.FoldTree", lambda _tree: SimpleNamespace())
     desk.watch(
@@ -108,6 +119,10 @@ TOGETHER: list[tuple[tuple[str, ...], str]] = [
     (("terrain.tif", "--flight", "traverse", "--target", "0.2,0.3"), "leave out the target"),
     (("image.tif", "--display", "wall.toml", "--panels", "a", "lfet"), "no panel of 'two' matches lfet"),
     (("image.tif", "--display", "wall.toml", "--session", "walk.csv", "--viewer", "0,0,0"), "--session or --viewer"),
+    (
+        ("mesh.ply", "--display", "wall.toml", "--session", "walk.csv", "--tracker", "circling:20"),
+        "--tracker says who looks",
+    ),
     (("image.tif", "mesh.ply", "--lit"), "this content is an image and a mesh: leave out --lit, which is for points"),
     (("image.tif", "mesh.ply", "--overlay", "levels"), "--overlay levels is not for a mesh"),
     (("image.tif", "scene.toml"), "a show file says all that is shown: give it alone"),

@@ -88,12 +88,15 @@ class Asked:
     files: FileOptions
     windows: WindowOptions
     gaze: str = ""
+    tracker: str = ""
 
     def __post_init__(self) -> None:
         if self.files.frames < 1:
             raise InputError(f"--frames must be at least 1, got {self.files.frames}")
         if self.session and self.viewer:
             raise InputError("give --session or --viewer, not both")
+        if self.tracker and (self.session or self.viewer):
+            raise InputError("--tracker says who looks: leave out --session and --viewer")
         if self.gaze:
             place(self.gaze, "--gaze")
         if self.files.seen_from:

@@ -79,6 +79,7 @@ SHOW: dict[str, Heard] = {
     "--panels": Heard(ways=_DISPLAYED),
     "--session": Heard(ways=_DISPLAYED),
     "--viewer": Heard(ways=_DISPLAYED),
+    "--tracker": Heard(ways=("wall", "outputs")),
     "--gaze": Heard(),
     "--policy": Heard(),
     "--acuity-arcmin": Heard(),
@@ -107,7 +108,7 @@ SHOW: dict[str, Heard] = {
 """Options of ``limen show``, in the order of its help."""
 
 OF_SHOW_FILES = (
-    "--display", "--panels", "--session", "--viewer", "--gaze", "--out", "--frames", "--scale", "--format",
+    "--display", "--panels", "--session", "--viewer", "--tracker", "--gaze", "--out", "--frames", "--scale", "--format",
     "--simulate", "--seen-from", "--write", "--window", "--seconds",
 )  # fmt: skip
 """Options of ``limen show`` that are heard with a show file, which says all else."""
@@ -215,6 +216,10 @@ def refuse_kind(table: Mapping[str, Heard], given: Iterable[str], *kinds: Kind) 
 
 def noun_of(kind: Kind) -> str:
     """What people call content of this kind, with its article."""
+    if kind not in _NOUNS:  # of another package
+        from limen.layers.registry import KINDS as LAYERS
+
+        return LAYERS[kind].noun
     return _NOUNS[kind][0]
 
 

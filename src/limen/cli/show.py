@@ -38,6 +38,10 @@ def show(
     viewer: Annotated[
         str, Parameter(allow_leading_hyphen=True, help="X,Y,Z of one viewer's eyes in metres, instead of a session.")
     ] = "",
+    tracker: Annotated[
+        str,
+        Parameter(help="NAME or NAME:HOW of a tracker that an installed package brings, instead of a session."),
+    ] = "",
     gaze: Annotated[
         str, Parameter(allow_leading_hyphen=True, help="X,Y,Z of the place that viewers look at, metres.")
     ] = "",
@@ -75,7 +79,9 @@ def show(
     way: Way = "files" if out else "browse" if not display else "outputs" if windows.window == "outputs" else "wall"
     refuse_way(SHOW, given, way)
     name = display or ("desktop" if out else "")
-    asked = Asked(Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze)
+    asked = Asked(
+        Display.named(name) if name else None, panels, session, viewer, overlay, files, windows, gaze, tracker
+    )
     lenses.check(by_hand=way in ("browse", "wall"))
     from limen.cli.show_content import ShowOptions, show_content  # renderers, which no help text needs
 

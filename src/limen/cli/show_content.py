@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -22,13 +22,14 @@ from limen.errors import InputError
 from limen.layers.base import Layer
 from limen.layers.image.layer import ImageLayer
 from limen.layers.mesh.select import FoldTree
-from limen.layers.registry import KINDS, kind_of
+from limen.layers.registry import KINDS, kind_of, layer_of
 from limen.layers.terrain.layer import TerrainLayer
 from limen.show.live import run_live
 from limen.show.live_outputs import run_live_outputs
 from limen.show.live_scene import run_live_scene
 from limen.show.show import Show
 from limen.show.show_file import is_show_file, open_show
+from limen.track.tracker import open_tracker
 from limen.viewing.placement import Fit, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.standing import standing_viewer
@@ -79,7 +80,7 @@ def show_content(
             print_rows(out, rows, folder)
         else:
             show.check_one_picture()
-            last = _show_live(show, asked, out)
+            last = _show_live(show, asked, out, stack)
             rows = [] if last is None else [frame_row(last)]
         out.result({"frames": rows})
 
@@ -150,6 +151,8 @@ class _Maker(NamedTuple):
         """Raises InputError for what its kind cannot be shown as."""
         overlay = self._overlay(content.kind)
         make = {"image": self._image, "mesh": self._mesh, "points": self._points, "terrain": self._terrain}
+        if content.kind not in make:  # of another package, which has no options here
+            return layer_of(content, policy=self.policy, overlay=overlay)
         return make[content.kind](content, overlay)
 
     def _overlay(self, kind: str) -> str:
@@ -248,13 +251,17 @@ def _say_who(viewers: Sequence[Viewer], noun: str, out: Output) -> None:
         out.say(f"{noun} is drawn for one viewer: the first of {len(viewers)}{name}")
 
 
-def _show_live(show: Show, asked: Asked, out: Output) -> Any:
+def _show_live(show: Show, asked: Asked, out: Output, stack: ExitStack) -> Any:
     """Show it in windows until they are closed; the last frame's report."""
     shown, seconds = asked.shown, asked.windows.seconds
+    tracked = None
+    if asked.tracker:
+        tracker = stack.enter_context(closing(open_tracker(asked.tracker)))
+        tracked, show.pointers = tracker.viewers, tracker.pointers
     if asked.windows.window is None and len(show.layers) == 1 and isinstance(show.layers[0], ImageLayer):
-        tour = asked.tour() if shown or asked.gaze else None
+        tour = tracked or (asked.tour() if shown or asked.gaze else None)
         return run_live(show.layers[0], shown, tour, out.say, pointers=show.pointers, seconds=seconds)
-    who = asked.tour() if asked.session and shown else asked.stander()
+    who = tracked or (asked.tour() if asked.session and shown else asked.stander())
     if not isinstance(who, Viewer) and show.eye_m is None:
         _say_who(who(0.0), kind_of(show.layers[0]).noun, out)
     overlay = asked.overlay != "none"

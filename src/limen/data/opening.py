@@ -15,6 +15,7 @@ from limen.data.store.file_type import existing_file
 from limen.data.store.tile_cache import CACHE_BYTES
 from limen.data.terrain.elevation_type import is_terrain
 from limen.errors import FormatError
+from limen.extensions import extension
 
 if TYPE_CHECKING:
     from limen.data.image.file import Image
@@ -31,7 +32,8 @@ def open_content(
     """Open a file as what it is: an image, with ``cache_bytes`` for its decoded tiles, a mesh, points, or a terrain.
 
     A raster of heights of up to 64 million posts, or a cloud of up to 20 million points, is made ready in the cache
-    when it is first opened; ``progress`` is called with the fraction done, 0 ... 1.
+    when it is first opened; ``progress`` is called with the fraction done, 0 ... 1. Formats that other packages read
+    are entry points of the group ``limen.readers``, named by the file's ending.
 
     Raises
     ------
@@ -57,6 +59,10 @@ def open_content(
         from limen.data.mesh.file import open_mesh
 
         return open_mesh(path)
+    reader = extension("limen.readers", path.suffix.lower().removeprefix("."))
+    if reader is not None:
+        content: Image | Mesh | Points | Terrain = reader(path)
+        return content
     from limen.data.image.file import open_image
 
     return open_image(path, cache_bytes=cache_bytes)

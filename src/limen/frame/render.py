@@ -126,8 +126,8 @@ def _layer(
     if hasattr(opened, "selector"):
         chosen = policy if policy is None or isinstance(policy, Policy) else _policy(policy, acuity_arcmin)
         return layer_of(opened, policy=chosen, placement=placement, overlay=overlay)
-    kind = KINDS.get(getattr(opened, "kind", ""))
-    chosen = None if kind is None else _policy(policy or kind.default_policy, acuity_arcmin)
+    name = getattr(opened, "kind", None)
+    chosen = None if name is None else _policy(policy or KINDS[name].default_policy, acuity_arcmin)
     return layer_of(opened, policy=chosen, placement=placement, overlay=overlay)
 
 

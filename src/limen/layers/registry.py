@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from limen.errors import InputError
+from limen.extensions import extension
 from limen.gpu.device import Device
 from limen.layers.base import Drawer, Layer
 from limen.viewing.placement import InRoom, LookAt, OnShape, OnSurface
@@ -57,51 +58,67 @@ class Kind(NamedTuple):
 
 _SEEN = ("full", "acuity", "contrast")
 
-KINDS: dict[str, Kind] = {
-    "image": Kind(
-        noun="an image",
-        layer="limen.layers.image.layer:ImageLayer",
-        drawer="limen.layers.image.draw.drawer:ImageDrawer",
-        placements=(OnSurface, OnShape),
-        overlays=("levels", "error"),
-        policies=_SEEN,
-        memory_share=1.0,
-        max_quilt_px=1 << 25,
-        on_panels=True,
-    ),
-    "mesh": Kind(
-        noun="a mesh",
-        layer="limen.layers.mesh.layer:MeshLayer",
-        drawer="limen.layers.mesh.draw.drawer:MeshDrawer",
-        placements=(InRoom,),
-        overlays=("panels", "simplified"),
-        policies=(*_SEEN, "budget", "size"),
-        default_policy="full",
-        memory_share=0.0,
-        max_quilt_px=1 << 26,
-        both_eyes=True,
-    ),
-    "terrain": Kind(
-        noun="a terrain",
-        layer="limen.layers.terrain.layer:TerrainLayer",
-        drawer="limen.layers.terrain.draw.drawer:TerrainDrawer",
-        placements=(LookAt,),
-        overlays=("panels", "patches"),
-        policies=(*_SEEN, "scheel"),
-        memory_share=1.0,
-        max_quilt_px=1 << 26,
-    ),
-    "points": Kind(
-        noun="a cloud of points",
-        layer="limen.layers.points.layer:PointsLayer",
-        drawer="limen.layers.points.draw.drawer:PointsDrawer",
-        placements=(InRoom,),
-        overlays=("panels", "simplified"),
-        policies=(*_SEEN, "budget", "size"),
-        memory_share=0.25,
-        max_quilt_px=1 << 23,
-    ),
-}
+
+class _Kinds(dict[str, Kind]):
+    """The kinds that limen brings, and those of other packages: entry points of the group ``limen.layers``."""
+
+    def __missing__(self, name: str) -> Kind:
+        kind = extension("limen.layers", name)
+        if kind is None:
+            raise InputError(f"no kind of layers is named '{name}': there are {', '.join(self)}")
+        if not isinstance(kind, Kind):
+            raise InputError(f"'{name}' of limen.layers is a {type(kind).__name__}, and has to be a Kind")
+        self[name] = kind
+        return kind
+
+
+KINDS: dict[str, Kind] = _Kinds(
+    {
+        "image": Kind(
+            noun="an image",
+            layer="limen.layers.image.layer:ImageLayer",
+            drawer="limen.layers.image.draw.drawer:ImageDrawer",
+            placements=(OnSurface, OnShape),
+            overlays=("levels", "error"),
+            policies=_SEEN,
+            memory_share=1.0,
+            max_quilt_px=1 << 25,
+            on_panels=True,
+        ),
+        "mesh": Kind(
+            noun="a mesh",
+            layer="limen.layers.mesh.layer:MeshLayer",
+            drawer="limen.layers.mesh.draw.drawer:MeshDrawer",
+            placements=(InRoom,),
+            overlays=("panels", "simplified"),
+            policies=(*_SEEN, "budget", "size"),
+            default_policy="full",
+            memory_share=0.0,
+            max_quilt_px=1 << 26,
+            both_eyes=True,
+        ),
+        "terrain": Kind(
+            noun="a terrain",
+            layer="limen.layers.terrain.layer:TerrainLayer",
+            drawer="limen.layers.terrain.draw.drawer:TerrainDrawer",
+            placements=(LookAt,),
+            overlays=("panels", "patches"),
+            policies=(*_SEEN, "scheel"),
+            memory_share=1.0,
+            max_quilt_px=1 << 26,
+        ),
+        "points": Kind(
+            noun="a cloud of points",
+            layer="limen.layers.points.layer:PointsLayer",
+            drawer="limen.layers.points.draw.drawer:PointsDrawer",
+            placements=(InRoom,),
+            overlays=("panels", "simplified"),
+            policies=(*_SEEN, "budget", "size"),
+            memory_share=0.25,
+            max_quilt_px=1 << 23,
+        ),
+    }
+)
 
 
 def kind_of(layer: Layer) -> Kind:
@@ -112,8 +129,6 @@ def kind_of(layer: Layer) -> Kind:
     InputError
         If there is no such kind.
     """
-    if layer.kind not in KINDS:
-        raise InputError(f"no kind of layers is named '{layer.kind}': there are {', '.join(KINDS)}")
     return KINDS[layer.kind]
 
 
@@ -130,9 +145,10 @@ def layer_of(content: Any, *, policy: Policy | None = None, placement: Any = Non
     InputError
         For a placement that is for another kind, or what is no content.
     """
-    kind = KINDS.get(getattr(content, "kind", ""))
-    if kind is None:
+    name = getattr(content, "kind", None)
+    if name is None:
         raise InputError(f"a {type(content).__name__} cannot be shown: open a file with limen.open, or make a layer")
+    kind = KINDS[name]
     if hasattr(content, "selector"):
         if policy is not None or placement is not None or overlay:
             raise InputError("a layer has a policy, a placement and an overlay of its own: leave them out here")
