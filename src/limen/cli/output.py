@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-__all__ = ["DEFAULT", "Common", "Output"]
+__all__ = ["DEFAULT", "Common", "Output", "visible_from"]
 
 
 @Parameter(name="*")
@@ -123,3 +123,8 @@ class _Step:
 
     def to(self, completed: float, total: float | None = None) -> None:
         self._bar.update(self._task, completed=completed, total=total)
+
+
+def visible_from(distance_factor: float | None) -> str:
+    """How much farther away viewers would have to be to see nothing of what is left out."""
+    return "-" if distance_factor is None or distance_factor <= 1 else f"{distance_factor:.1f} x"

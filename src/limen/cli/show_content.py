@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, cast
 
 from limen.cli.arguments import refuse_acuity
 from limen.cli.asked import Asked
+from limen.cli.content import opened_content
 from limen.cli.heard import OF_SHOW_FILES, SHOW, Kind, refuse_kind
 from limen.cli.options.lenses import LensOptions
 from limen.cli.options.mesh import MeshOptions
@@ -16,7 +17,6 @@ from limen.cli.options.points import PointsOptions
 from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
 from limen.cli.show_files import check_written, frame_row, print_rows, write_frames
-from limen.data.opening import open_content
 from limen.display.display import Display
 from limen.errors import InputError
 from limen.layers.base import Layer
@@ -36,7 +36,7 @@ from limen.viewing.standing import standing_viewer
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
-__all__ = ["ShowOptions", "opened_content", "show_content"]
+__all__ = ["ShowOptions", "show_content"]
 
 
 class ShowOptions(NamedTuple):
@@ -122,12 +122,6 @@ def _show_of_file(out: Output, paths: Sequence[Path], asked: Asked, given: Seque
         show = open_show(paths[0], asked.whole, stack, lambda _, done: step.to(round(1000 * done)))
     show.pointers = asked.pointers()
     return show
-
-
-def opened_content(out: Output, path: str | Path) -> Any:
-    """Open a file as what it is, with a bar while heights or points are made ready."""
-    with out.progress(f"making {Path(path).name} ready", 1000) as step:
-        return open_content(path, progress=lambda done: step.to(round(1000 * done)))
 
 
 def _opened(out: Output, path: Path, stack: ExitStack) -> Any:

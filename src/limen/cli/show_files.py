@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from limen.cli.asked import Asked
 from limen.cli.onlookers import ONLOOKERS, lit_display, onlookers
 from limen.cli.options.mesh import Write
-from limen.cli.output import Output
+from limen.cli.output import Output, visible_from
 from limen.display.display import Display
 from limen.display.quilt import pack, pieces, quilt_names
 from limen.errors import InputError
@@ -31,7 +31,7 @@ from limen.viewing.choices import Stereo
 from limen.viewing.projection import QuiltPanels, QuiltView
 from limen.viewing.state import FrameState
 
-__all__ = ["check_files", "check_quilts", "check_written", "frame_row", "print_rows", "visible_from", "write_frames"]
+__all__ = ["check_files", "check_quilts", "check_written", "frame_row", "print_rows", "write_frames"]
 
 _ALL_FIT = 1 << 40
 
@@ -190,11 +190,6 @@ def _error(layer: dict[str, Any]) -> str:
         return error
     low, high = layer["allowed_px"]
     return f"{error} of {low:.2f} - {high:.2f}"
-
-
-def visible_from(distance_factor: float | None) -> str:
-    """How much farther away viewers would have to be to see nothing of what is left out."""
-    return "-" if distance_factor is None or distance_factor <= 1 else f"{distance_factor:.1f} x"
 
 
 def check_files(display: Display, write: Write, simulated: Sequence[str]) -> None:

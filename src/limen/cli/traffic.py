@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, cast
 from cyclopts import Parameter
 
 from limen.cli.arguments import chosen_panels, refuse_acuity
+from limen.cli.content import opened_content
 from limen.cli.heard import TRAFFIC, Kind, given_options, refuse_kind
 from limen.cli.options.terrain import TERRAIN_DEFAULT, TerrainOptions
 from limen.cli.output import DEFAULT, Common, Output
-from limen.cli.show_content import opened_content
 from limen.cli.traffic_scene import scene_traffic
 from limen.cli.traffic_terrain import terrain_traffic
 from limen.data.mesh.mesh_type import is_mesh

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from limen.cli.output import Output
-from limen.cli.show_files import visible_from
+from limen.cli.output import Output, visible_from
 from limen.data.mesh.mesh import Mesh
 from limen.display.display import Display
 from limen.layers.registry import layer_of

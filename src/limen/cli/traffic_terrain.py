@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from limen.cli.content import opened_content
 from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
-from limen.cli.show_content import opened_content
 from limen.data.terrain.file import Terrain
 from limen.display.display import Display
 from limen.layers.common.page_detail import plain_detail

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from limen.errors import InputError
 from limen.extensions import extension
-from limen.gpu.device import Device
 from limen.layers.base import Drawer, Layer
 from limen.viewing.placement import InRoom, LookAt, OnShape, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.state import LayerState
+
+if TYPE_CHECKING:
+    from limen.gpu.device import Device
 
 __all__ = ["KINDS", "Kind", "check_state", "drawer_of", "kind_of", "layer_of"]
 
