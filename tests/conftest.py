@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-import doctests
-from costs import Costs
 from limen.system import cache_folder
+from support import doctests
+from support.costs import Costs
 
 # Tests that move the cache elsewhere would compile all loops again; read when Numba is imported, also by children.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder() / "numba"))
@@ -58,3 +58,19 @@ def observer() -> Any:
     if missing_packages():
         pytest.skip(f"NO INDEPENDENT OBSERVER, so nothing that is drawn was judged: {' && '.join(INSTALL)}")
     return Observer()
+
+
+@pytest.fixture(scope="session")
+def memory_image() -> Any:
+    """Makes images in memory, of pixels."""
+    from support.studio import MemoryImage
+
+    return MemoryImage
+
+
+@pytest.fixture(scope="session")
+def studio(device: Any) -> Any:
+    """Draws images in memory."""
+    from support.studio import Studio
+
+    return Studio(device)

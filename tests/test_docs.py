@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from processes import PYTHON, finished
+from support.processes import PYTHON, finished
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])

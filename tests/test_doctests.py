@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from doctests import PACKAGE, pytest_ignore_collect
+from support.doctests import PACKAGE, pytest_ignore_collect
 
 MODULES = sorted(PACKAGE.rglob("*.py"))
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from processes import PYTHON, finished
+from support.processes import PYTHON, finished
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from processes import PYTHON, started
+from support.processes import PYTHON, started
 
 ROOT = Path(__file__).resolve().parents[1]
 TOOLS = ROOT / "tools"

@@ -15,8 +15,8 @@ from types import ModuleType
 
 import pytest
 
-from costs import FIRST, in_order
-from processes import PYTHON, started
+from support.costs import FIRST, in_order
+from support.processes import PYTHON, started
 
 ROOT = Path(__file__).resolve().parents[1]
 TOOLS = ROOT / "tools"

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from limen.gpu.adapters import list_adapters
-from processes import PYTHON, finished
+from support.processes import PYTHON, finished
 
 ROOT = Path(__file__).resolve().parents[1]
 

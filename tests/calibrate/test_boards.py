@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import photographs
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -12,6 +11,7 @@ import limen
 from limen.calibrate.boards import CELL_MODULES, MARKERS, MOST_PER_PANEL, boards_of, draw_board
 from limen.display.panel import Panel
 from limen.errors import DisplayError
+from support import photographs
 
 pytest.importorskip("cv2")
 

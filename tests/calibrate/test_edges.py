@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import photographs
 import pytest
 
 from limen.calibrate.boards import boards_of
 from limen.calibrate.detect import detect
 from limen.calibrate.edges import refine
 from limen.calibrate.poses import apply
+from support import photographs
 
 cv2 = pytest.importorskip("cv2")
 

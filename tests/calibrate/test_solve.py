@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import photographs
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -18,6 +17,7 @@ from limen.calibrate.poses import apply, compose, of_panel, panel_at
 from limen.calibrate.rehearse import displaced, errors_of
 from limen.calibrate.solve import solve
 from limen.errors import InputError
+from support import photographs
 
 pytest.importorskip("cv2")
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from clouds import ball
-from desk import NAMES, POINTS, SESSION, WALL, Desk
-from ground import write_dem
 from limen.data import sample_image, sample_mesh
 from limen.data.opening import open_content
+from support.clouds import ball
+from support.desk import NAMES, POINTS, SESSION, WALL, Desk
+from support.ground import write_dem
 
 
 @pytest.fixture

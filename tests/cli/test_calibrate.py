@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import photographs
 import pytest
 from PIL import Image as Picture
 
@@ -15,6 +14,7 @@ from limen.calibrate.boards import boards_of
 from limen.calibrate.camera import Intrinsics
 from limen.calibrate.rehearse import displaced
 from limen.cli.app import main
+from support import photographs
 
 pytest.importorskip("cv2")
 

@@ -13,7 +13,7 @@ import pytest
 
 from limen.cli import doctor
 from limen.gpu import adapters
-from processes import LIMEN, finished
+from support.processes import LIMEN, finished
 
 GPU = adapters.AdapterInfo(
     name="A GPU",

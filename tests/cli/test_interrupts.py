@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from limen.cli.app import main
-from processes import PYTHON, finished
+from support.processes import PYTHON, finished
 
 DROPPED = """
 import _thread, sys, time

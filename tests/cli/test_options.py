@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import pytest
 from cyclopts import App
 
-from desk import WALL, Desk
 from limen.cli import heard
 from limen.cli.app import app, main
 from limen.cli.heard import SHOW, TRAFFIC, VERIFY
+from support.desk import WALL, Desk
 
 COMMON = {"--json", "--quiet", "--verbose"}
 PAGE = Path(__file__).resolve().parents[2] / "docs/options.md"

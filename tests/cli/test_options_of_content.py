@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from desk import LENS, NAMES, TRIES, Desk, Try, Verb, assert_refused, keep_open
 from limen.cli import heard
 from limen.cli.heard import SHOW, TRAFFIC, VERIFY, WAYS, Heard, Kind, Way
 from limen.display.display import Display
 from limen.viewing.viewer import Pointer, Viewer
+from support.desk import LENS, NAMES, TRIES, Desk, Try, Verb, assert_refused, keep_open
 
 WAYS_WORDS: dict[Way, tuple[str, ...]] = {
     "browse": (),

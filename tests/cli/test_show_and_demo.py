@@ -23,7 +23,7 @@ from limen.study import demo
 from limen.study.traffic import count_traffic
 from limen.track.walk import session_named
 from limen.viewing.placement import OnSurface, texel_pointed_at
-from processes import CHILD, LIMEN, finished, started
+from support.processes import CHILD, LIMEN, finished, started
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from limen.data.samples.mesh import sample_mesh
 from limen.display.display import Display
 from limen.display.quilt import Quilt
 from limen.errors import InputError
-from processes import CHILD, LIMEN, finished, started
+from support.processes import CHILD, LIMEN, finished, started
 
 SEEN_PX = (320, 240)
 Show = Callable[..., list[dict[str, Any]]]

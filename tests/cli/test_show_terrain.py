@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from ground import write_dem
 from limen.cli.app import main
+from support.ground import write_dem
 
 
 @pytest.fixture(scope="module")

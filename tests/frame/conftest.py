@@ -8,9 +8,6 @@ from typing import Any
 
 import pytest
 
-from clouds import ball
-from frames import CLOSE, EYE, FULL, STANDS, WALL, Make
-from ground import write_dem
 from limen.data import sample_image
 from limen.data.image.file import open_image
 from limen.data.samples.mesh import sample_mesh, torus_knot
@@ -25,6 +22,9 @@ from limen.layers.points.layer import PointsLayer
 from limen.layers.registry import KINDS
 from limen.layers.terrain.layer import TerrainLayer
 from limen.layers.terrain.selector import TerrainSettings
+from support.clouds import ball
+from support.frames import CLOSE, EYE, FULL, STANDS, WALL, Make
+from support.ground import write_dem
 
 
 @pytest.fixture(scope="session")

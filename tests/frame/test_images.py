@@ -14,7 +14,6 @@ import pyvips
 from numpy.typing import NDArray
 
 import limen
-from frames import FULL, Rgb, drawn, frame_of, psnr, row_of
 from limen.data.image.file import Image, open_image
 from limen.display.quilt import Quilt, pack
 from limen.errors import DeviceLimitError, InputError
@@ -28,6 +27,7 @@ from limen.viewing.placement import OnShape, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.projection import QuiltPanels, QuiltView
 from limen.viewing.state import FrameState
+from support.frames import FULL, Rgb, drawn, frame_of, psnr, row_of
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

@@ -12,9 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import limen
-from clouds import ball
 from golden.scenes import ROOM, TURNED, WALL
-from ground import write_dem
 from limen.data import sample_image
 from limen.data.samples.mesh import torus_knot
 from limen.data.terrain.file import Terrain
@@ -31,6 +29,8 @@ from limen.layers.terrain.layer import TerrainLayer
 from limen.layers.terrain.selector import TerrainSettings
 from limen.viewing.placement import InRoom, LookAt, OnShape, OnSurface
 from limen.viewing.viewer import Viewer
+from support.clouds import ball
+from support.ground import write_dem
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

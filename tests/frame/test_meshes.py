@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import limen
-from frames import assert_same, drawn, frame_of, row_of
 from limen.data.mesh.mesh import Mesh
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.samples.mesh import torus_knot
@@ -27,6 +26,7 @@ from limen.layers.mesh.select import FoldTree, select_mesh
 from limen.viewing.placement import InRoom, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
+from support.frames import assert_same, drawn, frame_of, row_of
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

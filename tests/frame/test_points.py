@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import limen
-from clouds import ball
-from frames import FULL, drawn, frame_of, row_of
 from limen.data.points.file import Points
 from limen.data.points.nodes import CHUNK_NODES, NODE
 from limen.display.display import Display
@@ -29,6 +27,8 @@ from limen.viewing.policy import Policy
 from limen.viewing.projection import QuiltPanels, QuiltView
 from limen.viewing.state import FrameState
 from limen.viewing.viewer import Viewer
+from support.clouds import ball
+from support.frames import FULL, drawn, frame_of, row_of
 
 pytestmark = pytest.mark.drawing
 

@@ -10,7 +10,16 @@ from typing import Any
 import msgspec
 import pytest
 
-from frames import (
+from limen.errors import InputError
+from limen.frame.renderer import Renderer
+from limen.gpu.buffers import TextureReader
+from limen.layers.base import Layer
+from limen.stream.chunks import Allocator, ChunkStream, Streaming
+from limen.stream.pages import FADE_S
+from limen.viewing.camera import Camera
+from limen.viewing.state import decode, encode
+from limen.viewing.viewer import Viewer
+from support.frames import (
     ELSEWHERE,
     EYE,
     SMALL_PX,
@@ -25,15 +34,6 @@ from frames import (
     living,
     row_of,
 )
-from limen.errors import InputError
-from limen.frame.renderer import Renderer
-from limen.gpu.buffers import TextureReader
-from limen.layers.base import Layer
-from limen.stream.chunks import Allocator, ChunkStream, Streaming
-from limen.stream.pages import FADE_S
-from limen.viewing.camera import Camera
-from limen.viewing.state import decode, encode
-from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

@@ -8,7 +8,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from frames import (
+from limen.errors import InputError
+from limen.layers.registry import KINDS
+from limen.viewing.camera import Camera
+from limen.viewing.placement import InRoom, LookAt, OnSurface
+from limen.viewing.policy import Policy
+from limen.viewing.state import AnyPlacement
+from limen.viewing.viewer import Viewer
+from support.frames import (
     ELSEWHERE,
     EYE,
     FULL,
@@ -24,13 +31,6 @@ from frames import (
     lit,
     off,
 )
-from limen.errors import InputError
-from limen.layers.registry import KINDS
-from limen.viewing.camera import Camera
-from limen.viewing.placement import InRoom, LookAt, OnSurface
-from limen.viewing.policy import Policy
-from limen.viewing.state import AnyPlacement
-from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

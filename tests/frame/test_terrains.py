@@ -13,8 +13,6 @@ import pytest
 from PIL import Image as Picture
 
 import limen
-from frames import Rgb, drawn, frame_of, row_of
-from ground import SIZE, hills
 from limen.data.image.file import open_image
 from limen.data.mesh.mesh import NO_TEXTURE, Mesh
 from limen.data.terrain.drape import texel_from_post
@@ -42,6 +40,8 @@ from limen.viewing.policy import Policy
 from limen.viewing.projection import QuiltPanels, QuiltView
 from limen.viewing.state import FrameState
 from limen.viewing.viewer import Pointer, Viewer
+from support.frames import Rgb, drawn, frame_of, row_of
+from support.ground import SIZE, hills
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 

@@ -22,8 +22,6 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import limen
-from clouds import ball
-from ground import write_dem
 from limen.data import sample_image
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.points.file import Points
@@ -47,6 +45,8 @@ from limen.viewing.lens import Lens
 from limen.viewing.placement import LookAt, OnShape, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.viewer import Viewer
+from support.clouds import ball
+from support.ground import write_dem
 
 HERE = Path(__file__).parent
 REPORTS = HERE / "reports.json"

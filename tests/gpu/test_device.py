@@ -13,7 +13,7 @@ import pytest
 from limen.errors import NoAdapterError
 from limen.gpu.device import open_device
 from limen.gpu.targets import DEPTH_FORMAT, Targets
-from processes import PYTHON, finished
+from support.processes import PYTHON, finished
 
 pytestmark = pytest.mark.drawing
 

@@ -13,8 +13,6 @@ import pytest
 from PIL import Image as Picture
 
 import limen
-from clouds import ball
-from ground import write_dem
 from limen.data.samples.mesh import sample_mesh, torus_knot
 from limen.errors import FormatError, InputError, MissingFileError
 from limen.layers.image.layer import ImageLayer
@@ -25,6 +23,8 @@ from limen.show.entries import schema
 from limen.show.show import Show
 from limen.show.show_file import light_of, open_show
 from limen.viewing.standing import standing_viewer
+from support.clouds import ball
+from support.ground import write_dem
 
 WALL = limen.Display.named("rostock").scaled(1 / 24)
 

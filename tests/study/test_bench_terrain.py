@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import terrains
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,6 +23,7 @@ from limen.study.triangulations import (
     residuals_m,
     true_error_m,
 )
+from support import terrains
 
 ERRORS_M = (40.0, 15.0, 5.0)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.clouds import ball
 
 from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
@@ -12,6 +11,7 @@ from limen.layers.common.room_placement import mesh_in_room
 from limen.study.scene_traffic import count_scene_traffic
 from limen.study.traffic import policies_of
 from limen.track.walk import session_named
+from support.clouds import ball
 
 CUBE = Display.preset("cube")
 WALK = session_named("A", CUBE)

@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 import pytest
 import rasterio
-import terrains
 
 from limen.data.terrain.elevation import PostRect
 from limen.data.terrain.file import Terrain
@@ -38,6 +37,7 @@ from limen.study.terrain_peers import INSTALL, missing_package
 from limen.study.terrain_source import MeasuredTerrain, parse_crop, posts_of, prepared, write_crop
 from limen.study.terrain_table import PAPER, table2_rows
 from limen.viewing.policy import Policy
+from support import terrains
 
 SPACING_M = 30.0
 ACUITY = Policy("acuity")

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.clouds import ball
 
 from limen.data.samples.mesh import torus_knot
 from limen.display.display import Display
@@ -15,6 +14,7 @@ from limen.errors import InputError
 from limen.study.verify import rows_of, trials_of
 from limen.study.verify_scene import judge_views, monitor, random_poses, subject_of
 from limen.viewing.policy import Policy
+from support.clouds import ball
 
 
 def test_the_monitor_is_the_papers() -> None:

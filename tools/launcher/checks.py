@@ -49,8 +49,8 @@ _MODEST = 5
 """How nice such a check is: pytest's tests have time limits, and it has time until they end."""
 
 _ALL_AT_ONCE = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
-"""Two processes, a file to each, in the order of tests/costs.py: most tests keep one core busy, and software graphics
-a little more."""
+"""Two processes, a file to each, in the order of tests/support/costs.py: most tests keep one core busy, and software
+graphics a little more."""
 
 _OPTION = "--backend"
 _BACKENDS = ("vulkan", "opengl", "both")
