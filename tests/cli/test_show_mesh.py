@@ -116,7 +116,7 @@ def test_the_eye_sees_the_mesh_as_if_the_display_were_not_there(knot: Path, show
     from limen.display.panel import Panel
     from limen.geometry import as_vec3
     from limen.layers.common.room_placement import mesh_in_room
-    from limen.show.live_scene import eye_camera
+    from limen.viewing.eye_camera import eye_camera
     from limen.viewing.standing import standing_viewer
 
     (frame,) = show(knot, "--display", "cube", "--scale", 0.3, "--simulate")

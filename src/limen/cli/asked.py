@@ -19,11 +19,15 @@ from limen.viewing.viewer import Pointer, Viewer, nobody_points
 
 if TYPE_CHECKING:
     from limen.show.show import Tour
+    from limen.show.views import ViewName
     from limen.track.session import Session
 
 __all__ = ["FILES_DEFAULT", "WINDOWS_DEFAULT", "Asked", "FileOptions", "Overlays", "WindowOptions"]
 
 Overlays: TypeAlias = Literal["none", "levels", "error", "panels", "patches", "simplified"]
+
+PORT = 8080
+"""Where a browser finds what is shown, unless another port is asked for."""
 
 _STEP_S = 0.25  # between frames of a viewer who stands
 
@@ -61,13 +65,26 @@ class WindowOptions:
     """Options of windows that are opened."""
 
     window: Annotated[
-        Literal["eye", "outputs"] | None,
+        Literal["eye", "unrolled", "outputs", "browser"] | None,
         Parameter(
-            help="eye: what the viewer's eye sees of the simulated display (if not given; images are shown unrolled). "
-            "outputs: the display's quilts, each on the screen that it is named after in the display file."
+            help="eye: what the viewer's eye sees of the simulated display (if not given; images alone are shown "
+            "unrolled). unrolled: its panels side by side. outputs: the display's quilts, each on the screen that it "
+            "is named after in the display file. browser: a page for browsers on this machine, instead of a window."
         ),
     ] = None
+    port: Annotated[int, Parameter(help="Of the page for browsers; 0 takes a free one.")] = PORT
     seconds: Annotated[float | None, Parameter(help="Close the window after this long.")] = None
+
+    def check(self, display: Display | None) -> None:
+        """Raises InputError for what is asked for without a display, or a browser."""
+        if self.view is not None and display is None:
+            raise InputError(f"--window {self.view} says how a display is shown: give --display too")
+        if self.window != "browser" and self.port != PORT:
+            raise InputError("--port is of the page for browsers: give --window browser too")
+
+    @property
+    def view(self) -> ViewName | None:
+        return None if self.window == "browser" else self.window
 
 
 FILES_DEFAULT, WINDOWS_DEFAULT = FileOptions(), WindowOptions()
@@ -93,6 +110,7 @@ class Asked:
     def __post_init__(self) -> None:
         if self.files.frames < 1:
             raise InputError(f"--frames must be at least 1, got {self.files.frames}")
+        self.windows.check(self.whole)
         if self.session and self.viewer:
             raise InputError("give --session or --viewer, not both")
         if self.tracker and (self.session or self.viewer):

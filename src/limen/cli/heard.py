@@ -50,7 +50,7 @@ _DISPLAYED: tuple[Way, ...] = ("wall", "outputs", "files")
 _WINDOWS: tuple[Way, ...] = ("browse", "wall", "outputs")
 _NEEDS: dict[tuple[Way, ...], str] = {
     _DISPLAYED: "is about a display's panels: give --display too",
-    ("wall", "outputs"): "says where a display is shown in windows: give --display, and leave out --out",
+    ("wall", "outputs"): "is of displays that are shown live: give --display, and leave out --out",
     ("files",): "is of pictures that are written: give --out too",
     _WINDOWS: "is of windows: leave it out, or leave out --out",
 }
@@ -92,7 +92,8 @@ SHOW: dict[str, Heard] = {
     "--format": Heard(ways=("files",)),
     "--simulate": Heard(ways=("files",)),
     "--seen-from": Heard(("mesh", "points", "terrain"), ("files",)),
-    "--window": Heard(ways=("wall", "outputs")),
+    "--window": Heard(ways=_WINDOWS),
+    "--port": Heard(ways=_WINDOWS),
     "--seconds": Heard(ways=_WINDOWS),
     **dict.fromkeys(("--size-m", "--at", "--up", "--turn-deg", "--tilt-deg", "--animate"), _STANDS),
     **dict.fromkeys(("--background", "--stereo"), Heard(("mesh", "points", "terrain"))),
@@ -109,7 +110,7 @@ SHOW: dict[str, Heard] = {
 
 OF_SHOW_FILES = (
     "--display", "--panels", "--session", "--viewer", "--tracker", "--gaze", "--out", "--frames", "--scale", "--format",
-    "--simulate", "--seen-from", "--write", "--window", "--seconds",
+    "--simulate", "--seen-from", "--write", "--window", "--port", "--seconds",
 )  # fmt: skip
 """Options of ``limen show`` that are heard with a show file, which says all else."""
 

@@ -9,9 +9,9 @@ import numpy as np
 from limen.cli.arguments import place
 from limen.display.display import Display
 from limen.geometry import Floats
-from limen.show.live_scene import eye_camera
 from limen.viewing.arrangement import arrangement_of, facing_of_wall
 from limen.viewing.camera import Camera
+from limen.viewing.eye_camera import eye_camera
 from limen.viewing.viewer import Viewer
 
 __all__ = ["ONLOOKERS", "lit_display", "onlookers"]

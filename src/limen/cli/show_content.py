@@ -17,19 +17,16 @@ from limen.cli.options.points import PointsOptions
 from limen.cli.options.terrain import TerrainOptions
 from limen.cli.output import Output
 from limen.cli.show_files import check_written, frame_row, print_rows, write_frames
-from limen.display.display import Display
 from limen.errors import InputError
 from limen.layers.base import Layer
 from limen.layers.image.layer import ImageLayer
 from limen.layers.mesh.select import FoldTree
 from limen.layers.registry import KINDS, kind_of, layer_of
 from limen.layers.terrain.layer import TerrainLayer
-from limen.show.live import run_live
-from limen.show.live_outputs import run_live_outputs
-from limen.show.live_scene import run_live_scene
-from limen.show.show import Show
+from limen.show.app import run_show
+from limen.show.show import Show, Tour
 from limen.show.show_file import is_show_file, open_show
-from limen.track.tracker import open_tracker
+from limen.track.tracker import open_tracker, stamped
 from limen.viewing.placement import Fit, OnSurface
 from limen.viewing.policy import Policy
 from limen.viewing.standing import standing_viewer
@@ -230,36 +227,31 @@ def _carries(layer: ImageLayer) -> bool:
 
 def _say_what_is_told(show: Show, asked: Asked, out: Output) -> None:
     """Say whose eyes pictures are right for, and of which panels reports tell."""
-    for_one = [kind_of(layer).noun for layer in show.layers if not kind_of(layer).on_panels]
-    if not for_one:
+    if all(kind_of(layer).on_panels for layer in show.layers):
         return
     asked.say_scale(out)
     if show.eye_m is None:
-        _say_who(asked.moments()[0], for_one[0], out)
+        _say_who(show, asked.moments()[0], out)
 
 
-def _say_who(viewers: Sequence[Viewer], noun: str, out: Output) -> None:
+def _say_who(show: Show, viewers: Sequence[Viewer], out: Output) -> None:
     """Say whose eyes a picture is right for, where there are several."""
-    if len(viewers) > 1:
+    for_one = [kind_of(layer).noun for layer in show.layers if not kind_of(layer).on_panels]
+    if for_one and len(viewers) > 1:
         name = f" ('{viewers[0].name}')" if viewers[0].name else ""
-        out.say(f"{noun} is drawn for one viewer: the first of {len(viewers)}{name}")
+        out.say(f"{for_one[0]} is drawn for one viewer: the first of {len(viewers)}{name}")
 
 
 def _show_live(show: Show, asked: Asked, out: Output, stack: ExitStack) -> Any:
     """Show it in windows until they are closed; the last frame's report."""
-    shown, seconds = asked.shown, asked.windows.seconds
-    tracked = None
+    shown, windows = asked.shown, asked.windows
+    who: Tour | Viewer = asked.tour() if asked.session and shown else asked.stander()
     if asked.tracker:
         tracker = stack.enter_context(closing(open_tracker(asked.tracker)))
-        tracked, show.pointers = tracker.viewers, tracker.pointers
-    if asked.windows.window is None and len(show.layers) == 1 and isinstance(show.layers[0], ImageLayer):
-        tour = tracked or (asked.tour() if shown or asked.gaze else None)
-        return run_live(show.layers[0], shown, tour, out.say, pointers=show.pointers, seconds=seconds)
-    who = tracked or (asked.tour() if asked.session and shown else asked.stander())
+        who, show.pointers = stamped(tracker), tracker.pointers
     if not isinstance(who, Viewer) and show.eye_m is None:
-        _say_who(who(0.0), kind_of(show.layers[0]).noun, out)
-    overlay = asked.overlay != "none"
-    if asked.windows.window == "outputs":
-        assert isinstance(shown, Display)  # refused before anything is opened
-        return run_live_outputs(show, shown, who, out.say, overlay=overlay, seconds=seconds)
-    return run_live_scene(show, shown, who, out.say, overlay=overlay, seconds=seconds)
+        _say_who(show, who(0.0), out)
+    return run_show(
+        show, shown, who, out.say, view=windows.view, backend="browser" if windows.window == "browser" else "window",
+        seconds=windows.seconds, port=windows.port,
+    )  # fmt: skip

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 
@@ -19,6 +20,7 @@ from limen.geometry import Vec3
 from limen.gpu.device import Device
 from limen.gpu.targets import Rgb
 from limen.layers.base import STILL, Layer, Turn
+from limen.layers.image.layer import ImageLayer
 from limen.layers.registry import layer_of
 from limen.viewing.choices import Stereo
 from limen.viewing.standing import standing_viewer
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from limen.data.mesh.mesh import Mesh
     from limen.data.points.file import Points
     from limen.data.terrain.file import Terrain
+    from limen.show.canvas import Backend
+    from limen.show.views import ViewName
 
     Showable: TypeAlias = Layer | Image | Mesh | Points | Terrain | str | Path
 
@@ -114,9 +118,11 @@ class Show:
         self,
         viewers: Viewer | Tour | None = None,
         *,
-        window: Literal["eye", "outputs"] = "eye",
-        overlay: bool = False,
+        view: ViewName | None = None,
+        backend: Backend = "window",
+        overlay: bool | None = None,
         seconds: float | None = None,
+        port: int = 0,
         say: Callable[[str], None] = print,
     ) -> FrameReport | None:
         """Show it live until its windows are closed; the last frame's report.
@@ -126,13 +132,19 @@ class Show:
         viewers
             Who looks at a time, or who stands where at first and is led around by dragging; by default somebody who
             stands before the display.
-        window
-            ``eye``: what the first viewer's eye sees of the simulated display, or without a display the window is one.
-            ``outputs``: a window for every quilt of the display, on the screen that it is named after.
+        view
+            ``eye``: what the first viewer's eye sees of the simulated display. ``unrolled``: its panels side by side.
+            ``outputs``: every quilt of the display on the screen that it is named after. By default images alone are
+            unrolled. Without a display, the window is one.
+        backend
+            ``window``; ``browser``: a page for browsers on this machine, whose address is said; ``offscreen``: nothing
+            that is seen.
         overlay
-            Whether overlays are shown at first.
+            Whether overlays are shown at first; by default as the layers say.
         seconds
             Close it after this long.
+        port
+            Of the page; 0 takes a free one.
         say
             Told once what keys do.
 
@@ -140,21 +152,53 @@ class Show:
         ------
         DeviceError
             If there is no screen.
+        InputError
+            For what cannot be shown in this way.
         """
-        from limen.show.live_outputs import run_live_outputs  # which show shows
-        from limen.show.live_scene import run_live_scene
+        from limen.show.app import run_show  # which runs shows
 
-        stands = standing_viewer(self.display) if self.display else Viewer((0.0, 0.0, 0.0))
-        who = stands if viewers is None else viewers
-        if window == "outputs":
-            if self.display is None:
-                raise InputError("outputs are a display's: give Show a display")
-            return run_live_outputs(self, self.display, who, say, overlay=overlay, seconds=seconds)
-        return run_live_scene(self, self.display, who, say, overlay=overlay, seconds=seconds)
+        if view == "outputs" and self.display is None:
+            raise InputError("outputs are a display's: give Show a display")
+        return run_show(
+            self, self.display, self._who(viewers), say, view=view, backend=backend, overlay=overlay, seconds=seconds,
+            port=port,
+        )  # fmt: skip
+
+    def widget(
+        self,
+        viewers: Viewer | Tour | None = None,
+        *,
+        view: ViewName | None = None,
+        size_px: tuple[int, int] = (960, 540),
+    ) -> Any:
+        """A widget that shows it live in a Jupyter notebook; leave it as a cell's last line.
+
+        Parameters
+        ----------
+        viewers, view
+            As of `run`.
+        size_px
+            Of the cell, in its pixels.
+
+        Raises
+        ------
+        DeviceError
+            If the package jupyter_rfb is missing.
+        InputError
+            For what cannot be shown in this way.
+        """
+        from limen.show.app import show_widget
+
+        return show_widget(self, self.display, self._who(viewers), view=view, size_px=size_px)
 
     @property
     def name(self) -> str:
         return self.title or ", ".join(layer.name for layer in self.layers)
+
+    @property
+    def stands(self) -> Viewer:
+        """Where somebody stands who is not tracked: before the display, or the window."""
+        return standing_viewer(self.display) if self.display else Viewer((0.0, 0.0, 0.0))
 
     def check_one_picture(self) -> None:
         """Raises
@@ -168,10 +212,16 @@ class Show:
                 "FOLDER to write both"
             )
 
-    def renderer(self, device: Device, display: Display, quilts: Sequence[Quilt] | None = None) -> Renderer:
-        """The layers on a display; the caller closes it."""
+    def renderer(
+        self, device: Device, display: Display, quilts: Sequence[Quilt] | None = None, *, quick: bool = False
+    ) -> Renderer:
+        """The layers on a display; the caller closes it.
+
+        ``quick``: without a GPU, images are sampled more quickly, if not as well.
+        """
+        layers = [_quickly(layer) for layer in self.layers] if quick and device.is_software else self.layers
         return Renderer(
-            device, display, self.layers, whole=self.display, eye_m=self.eye_m, stereo=self.stereo,
+            device, display, layers, whole=self.display, eye_m=self.eye_m, stereo=self.stereo,
             background=self.background, quilts=quilts,
         )  # fmt: skip
 
@@ -208,6 +258,9 @@ class Show:
         people = tuple(viewer.at_rest for viewer in viewers) if paused else tuple(viewers)
         return FrameState(number=number, time_s=time_s, viewers=people, pointers=pointers, layers=states)
 
+    def _who(self, viewers: Viewer | Tour | None) -> Viewer | Tour:
+        return self.stands if viewers is None else viewers
+
     def _layer(self, shown: Showable) -> Layer:
         """A layer as it is, or one of content, which is closed with the show if it was opened for it."""
         content: Any = open_content(shown) if isinstance(shown, str | Path) else shown
@@ -219,6 +272,11 @@ class Show:
         if overlay is not None:
             state = msgspec.structs.replace(state, overlay=layer.overlay_word if overlay else "")
         return msgspec.structs.replace(state, motion=None) if paused else state
+
+
+def _quickly(layer: Layer) -> Layer:
+    """The same layer with bilinear sampling, if it is one that is sampled."""
+    return replace(layer, sampling="fast") if isinstance(layer, ImageLayer) else layer
 
 
 def summary(report: FrameReport) -> str:

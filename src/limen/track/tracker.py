@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from limen.errors import InputError
 from limen.extensions import extension
 from limen.viewing.viewer import Pointer, Viewer
 
-__all__ = ["Tracker", "open_tracker"]
+__all__ = ["Tracker", "open_tracker", "stamped"]
 
 
 class Tracker(Protocol):
@@ -44,3 +45,8 @@ def open_tracker(text: str) -> Tracker:
         )
     tracker: Tracker = made(how)
     return tracker
+
+
+def stamped(tracker: Tracker) -> Callable[[float], Sequence[Viewer]]:
+    """Who looks at a time of the show, with that time as theirs: what moves by the viewers' clock goes by it."""
+    return lambda time_s: [replace(viewer, time_s=time_s) for viewer in tracker.viewers(time_s)]

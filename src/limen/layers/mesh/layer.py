@@ -146,7 +146,7 @@ class MeshSelector:
         assert isinstance(state.placement, InRoom)
         layer, stands = self._layer, state.placement.matrix
         _check_tree(layer, state.policy)
-        if state.overlay == "simplified" and (layer.tree is None or state.policy.name == "full"):
+        if state.overlay == "simplified" and layer.tree is None:
             raise InputError("the overlay 'simplified' shows what a policy leaves out: give one, as contrast+gaze")
         deformed = None if layer.deformed is None else layer.deformed(frame.time_s)
         cuts = [

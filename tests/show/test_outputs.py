@@ -24,8 +24,8 @@ from limen.frame.renderer import Renderer
 from limen.layers.common.room_placement import RoomPlacement
 from limen.layers.image.layer import ImageLayer
 from limen.layers.mesh.layer import MeshLayer
+from limen.show.canvas import Surface
 from limen.show.show import Show
-from limen.show.window import Surface
 from limen.viewing.camera import Camera
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface
@@ -63,9 +63,9 @@ def draw(device: Any, live: Any, number: int, size_px: tuple[int, int], time_s: 
 
 
 def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
-    from limen.show.live_outputs import LiveOutputs
+    from limen.show.app import App
 
-    live = LiveOutputs(device, Show([mesh]), MAPPED, VIEWER)
+    live = App(device, Show([mesh]), MAPPED, VIEWER, "outputs")
     windows = [draw(device, live, number, quilt.size_px) for number, quilt in enumerate(MAPPED.quilts)]
     live.close()
     with Renderer(device, MAPPED, [MeshLayer(mesh)]) as renderer:
@@ -78,9 +78,9 @@ def test_every_window_shows_its_quilt(device: Any, mesh: Mesh) -> None:
 
 
 def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
-    from limen.show.live_outputs import LiveOutputs
+    from limen.show.app import App
 
-    live = LiveOutputs(device, Show([MeshLayer(mesh, RoomPlacement(turning=True))]), MAPPED, VIEWER)
+    live = App(device, Show([MeshLayer(mesh, RoomPlacement(turning=True))]), MAPPED, VIEWER, "outputs")
     first, second = (quilt.size_px for quilt in MAPPED.quilts)
     still = draw(device, live, 1, second)
     draw(device, live, 0, first, time_s=2.0)
@@ -98,21 +98,21 @@ def test_windows_share_one_clock_and_keys(device: Any, mesh: Mesh) -> None:
 
 
 def test_a_screen_of_another_size_is_named(device: Any, mesh: Mesh) -> None:
-    from limen.show.live_outputs import LiveOutputs
+    from limen.show.app import App
 
-    live = LiveOutputs(device, Show([mesh]), MAPPED, VIEWER)
+    live = App(device, Show([mesh]), MAPPED, VIEWER, "outputs")
     with pytest.raises(InputError, match="output 'two' has 90 x 120 pixels and its quilt 80 x 120"):
         draw(device, live, 1, (90, 120))
     live.close()
 
 
 def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device: Any, mesh: Mesh) -> None:
-    from limen.show.live_outputs import LiveOutputs
+    from limen.show.app import App
 
     with pytest.raises(InputError, match="add \\[\\[quilt\\]\\]"):
-        LiveOutputs(device, Show([mesh]), Display("bare", (LEFT,)), VIEWER)
+        App(device, Show([mesh]), Display("bare", (LEFT,)), VIEWER, "outputs")
     with pytest.raises(InputError, match="one picture at a time"):
-        LiveOutputs(device, Show([mesh], stereo="sequential"), MAPPED, VIEWER)
+        App(device, Show([mesh], stereo="sequential"), MAPPED, VIEWER, "outputs")
 
 
 @pytest.mark.parametrize(
@@ -123,21 +123,21 @@ def test_a_display_without_a_mapping_and_two_pictures_at_once_are_refused(device
     ],
 )  # fmt: skip
 def test_which_screen_an_output_means(output: str, names: list[str], screen: int | None) -> None:
-    from limen.show.live_outputs import _screen_of
+    from limen.show.app import _screen_of
 
     assert _screen_of(output, names) == screen
 
 
 def test_an_image_fills_every_window_with_its_quilt(device: Any, tmp_path: Path) -> None:
     """Pages come while frames are drawn; all windows of a frame show one choice, with the lens where it is then."""
-    from limen.show.live_outputs import LiveOutputs
+    from limen.show.app import App
 
     texels = np.random.default_rng(5).integers(30, 256, (300, 600, 3), dtype=np.uint8)
     Picture.fromarray(texels.repeat(3, axis=0).repeat(3, axis=1)).save(tmp_path / "image.png")
     full, lens = Policy("full"), Lens((900.0, 450.0), 200.0, 3.0)
     with limen.open(tmp_path / "image.png") as image:  # type: ignore[union-attr]
         layer = ImageLayer(image, OnSurface("cover"), full, lambda time_s: (lens,) if time_s >= 1 else ())
-        live = LiveOutputs(device, Show([layer]), MAPPED, VIEWER)
+        live = App(device, Show([layer]), MAPPED, VIEWER, "outputs")
         for time_s in (0.0, 1.0):
             missing, frames = 1, 0
             while missing or frames < 20:  # pages that came late fade in by the clock
@@ -158,16 +158,16 @@ def test_an_image_fills_every_window_with_its_quilt(device: Any, tmp_path: Path)
 
 def test_all_windows_of_a_frame_show_one_choice(device: Any, mesh: Mesh) -> None:
     """What the first window was drawn for, the others are: whatever has come, or was pressed, meanwhile."""
-    from limen.show.live_outputs import LiveOutputs
+    from limen.show.app import App
 
-    live = LiveOutputs(device, Show([mesh]), MAPPED, VIEWER)
+    live = App(device, Show([mesh]), MAPPED, VIEWER, "outputs")
     first, second = (quilt.size_px for quilt in MAPPED.quilts)
     draw(device, live, 0, first)
-    chosen = live._chosen
+    chosen = live._view._chosen
     draw(device, live, 1, second)
-    assert live._chosen is chosen
+    assert live._view._chosen is chosen
     draw(device, live, 0, first)
-    assert live._chosen is not chosen
+    assert live._view._chosen is not chosen
     live.close()
 
 

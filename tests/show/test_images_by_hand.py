@@ -12,10 +12,11 @@ from PIL import Image as Picture
 
 import limen
 from limen.layers.image.layer import ImageLayer
-from limen.show.window import Surface
+from limen.show.canvas import Surface
 from limen.stream.pages import FADE_S
 from limen.viewing.lens import Lens
 from limen.viewing.placement import OnSurface
+from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
@@ -32,13 +33,13 @@ def world(tmp_path_factory: Any) -> Path:
 
 
 class Screen:
-    """A texture instead of a window, and a `Live` that draws into it until all pages have come."""
+    """A texture instead of a window, and an `App` that draws into it until all pages have come."""
 
     def __init__(self, device: Any, image: Any, placement: OnSurface, **more: Any) -> None:
         from limen.gpu.buffers import TextureReader
-        from limen.show.live import Live
+        from limen.show.app import App
 
-        self.live = Live(device, ImageLayer(image, placement), None, None, **more)
+        self.live = App(device, limen.Show(ImageLayer(image, placement), **more), None, Viewer((0.0, 0.0, 0.0)))
         self._device, self._reader = device, TextureReader(device)
         self._time_s = 0.0
 
@@ -57,7 +58,7 @@ class Screen:
 
     def _frame(self, texture: Any, later_s: float) -> None:
         self._time_s += later_s
-        self.live.draw(Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, self._time_s))
+        self.live.draw(0, Surface(texture.create_view(), "rgba8unorm-srgb", _SIZE_PX, self._time_s))
 
     def key(self, key: str) -> None:
         self.live.handle({"event_type": "key_down", "key": key})

@@ -17,8 +17,8 @@ from limen.display.display import Display
 from limen.errors import InputError
 from limen.layers.common.room_placement import RoomPlacement
 from limen.layers.mesh.layer import MeshLayer
+from limen.show.canvas import Surface
 from limen.show.show import Show
-from limen.show.window import Surface
 from limen.viewing.viewer import Viewer
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
@@ -33,11 +33,11 @@ def mesh() -> Mesh:
 
 
 class Screen:
-    """Textures instead of a window, and a `LiveScene` that draws into them."""
+    """Textures instead of a window, and an `App` that draws into them."""
 
     def __init__(self, device: Any, mesh: Mesh, display: Display | None = None, tour: Any = STANDER, **fields: Any):
         from limen.gpu.buffers import TextureReader
-        from limen.show.live_scene import LiveScene
+        from limen.show.app import App
 
         self.device = device
         stereo, animate = fields.pop("stereo", "none"), fields.pop("animate", "none")
@@ -46,7 +46,7 @@ class Screen:
             of_layer["deformed"] = partial(ripple, mesh)
         layer = MeshLayer(mesh, RoomPlacement(**fields, turning=animate == "turn"), **of_layer)
         show = Show([layer], display, stereo=stereo)
-        self.live = LiveScene(device, show, display, tour, overlay="overlay" in of_layer)
+        self.live = App(device, show, display, tour, "eye", overlay="overlay" in of_layer)
         self._reader = TextureReader(device)
         self.title = ""
 
@@ -54,7 +54,7 @@ class Screen:
         usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC
         window_format = wgpu.TextureFormat.rgba8unorm_srgb
         texture = self.device.wgpu.create_texture(size=(*size_px, 1), format=window_format, usage=usage)
-        self.title = self.live.draw(Surface(texture.create_view(), window_format, size_px, time_s))
+        self.title = self.live.draw(0, Surface(texture.create_view(), window_format, size_px, time_s))
         picture = self._reader.read(texture)
         texture.destroy()
         return picture[..., :3].astype(int)
@@ -288,4 +288,4 @@ def test_what_a_window_is_asked_for_reaches_the_renderer(device: Any, mesh: Mesh
         )
     with Screen(device, mesh, depth="shared") as screen:
         screen.draw()
-        assert screen.live._renderer.layers[0].depth == "shared"
+        assert screen.live._view._renderer.layers[0].depth == "shared"
