@@ -68,7 +68,10 @@ def test_missing_opencv_is_noted_with_the_command_that_brings_it() -> None:
         (dataclasses.replace(GPU, limits={"max-texture-dimension-2d": 4096}), "4096"),
     ],
 )
-def test_a_weak_adapter_is_noted_and_stops_nothing(info: adapters.AdapterInfo, word: str) -> None:
+def test_a_weak_adapter_is_noted_and_stops_nothing(
+    info: adapters.AdapterInfo, word: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(adapters.WISH, raising=False)
     (problem,) = doctor._adapter_problems([info])
     assert word in problem.problem
     assert not problem.stops_drawing

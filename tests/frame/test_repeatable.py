@@ -266,7 +266,7 @@ def test_in_another_process(world: Path, hills: Path, device: Any, tmp_path: Pat
         with in_motion(kind, world, hills, CONDITIONS[0]) as layer:
             messages[kind] = encode(frame_of(layer))
             (sent / kind).write_bytes(messages[kind])
-    path = os.pathsep.join(sys.path)
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     ended = finished([*PYTHON, "-c", script, world, hills, sent, kept], 200, env=os.environ | {"PYTHONPATH": path})
     assert ended.returncode == 0, ended.stderr
     with np.load(kept) as other:

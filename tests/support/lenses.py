@@ -32,7 +32,7 @@ def picture() -> Any:
 
 def wall() -> Display:
     """Two panels by two, without bezels."""
-    width, height, pitch = 420, 300, 0.0003
+    width, height, pitch = 210, 150, 0.0003
     panels = [
         Panel(
             f"{column}{row}", (width, height), (column * width * pitch, 1.0 - row * height * pitch, 0.0), (1, 0, 0),

@@ -28,9 +28,15 @@ _POOL_BYTES = 4096 * 4096 * 4
 """225 pages."""
 
 
-def linear(srgb: NDArray[Any]) -> NDArray[np.float64]:
-    code = np.asarray(srgb) / 255.0
+def _linear(code: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+
+
+_LIGHT = _linear(np.arange(256) / 255.0)
+
+
+def linear(srgb: NDArray[np.uint8]) -> NDArray[np.float64]:
+    return _LIGHT[srgb]
 
 
 def srgb(light: NDArray[Any]) -> NDArray[np.uint8]:
@@ -42,10 +48,10 @@ def srgb(light: NDArray[Any]) -> NDArray[np.uint8]:
 
 def _halved(light: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     """Lanczos (two lobes) at half the size, texel i over texels 2 i and 2 i + 1."""
-    size = -(-light.shape[axis] // 2)
-    before = np.arange(2 * size)[::2][:, None] + np.arange(-3, 5)
-    taken = np.take(light, np.clip(before, 0, light.shape[axis] - 1), axis=axis)
-    return np.tensordot(taken, _TAPS, axes=([axis + 1], [0]))
+    light = np.moveaxis(light, axis, 0)
+    size = -(-len(light) // 2)
+    padded = np.concatenate([light[:1]] * 3 + [light] + [light[-1:]] * (2 * size + 3 - len(light)))
+    return np.moveaxis(sum(tap * padded[k : k + 2 * size : 2] for k, tap in enumerate(_TAPS)), 0, axis)
 
 
 class MemoryImage:

@@ -41,18 +41,18 @@ PLACEMENTS: dict[str, Placement] = {
 }
 VIEWERS = {
     "nobody": [],
-    "one": [Viewer((0.3, 1.6, 0.2), gaze=(0.2, -0.1, -1.0), acuity_arcmin=6)],
+    "one": [Viewer((0.3, 1.6, 0.2), gaze=(0.2, -0.1, -1.0), acuity_arcmin=12)],
     "three": [
-        Viewer((0.3, 1.6, 0.2), acuity_arcmin=8),
-        Viewer((-0.7, 1.2, 0.5), acuity_arcmin=3),
-        Viewer((1.2, 1.7, -1.2), (1.0, 0.0, 0.2), acuity_arcmin=12),
+        Viewer((0.3, 1.6, 0.2), acuity_arcmin=16),
+        Viewer((-0.7, 1.2, 0.5), acuity_arcmin=6),
+        Viewer((1.2, 1.7, -1.2), (1.0, 0.0, 0.2), acuity_arcmin=24),
     ],
 }
 
 
 @pytest.fixture(scope="module")
 def cave() -> Display:
-    return Display.preset("cave").scaled(0.5)
+    return Display.preset("cave").scaled(0.25)
 
 
 CASES = [

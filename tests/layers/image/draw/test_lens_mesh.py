@@ -32,7 +32,7 @@ from support.lenses import LENSES, SIZE_PX, picture, wall, waves
 pytestmark = pytest.mark.gpu
 
 _FULL = Policy("full")
-_MIDDLE = (0.126, 0.91)
+_MIDDLE = (0.063, 0.955)
 CHAINS = {
     **LENSES,
     "strong": (Lens((900.0, 640.0), 380.0, 16.0, 0.3),),

@@ -85,11 +85,11 @@ def test_before_any_page_has_come_the_quilt_is_black(studio: Any, memory_image: 
 
 
 def test_the_overlay_tints_by_level(studio: Any, memory_image: Any) -> None:
-    grey = memory_image(np.full((2100, 3300, 3), 128, np.uint8))
+    grey = memory_image(np.full((1050, 1650, 3), 128, np.uint8))
     hues = level_colours(12)
     assert hues[0, 0] > hues[0, 1] == hues[0, 2]  # red
     assert (hues[8:] == hues[8]).all()
-    for size_px, level in (((3000, 2000), 0), ((1600, 1000), 1), ((700, 500), 2)):
+    for size_px, level in (((1500, 1000), 0), ((800, 500), 1), ((350, 250), 2)):
         tinted = studio.draw(grey, Display.window(size_px), OnSurface(), _FULL, overlay="levels")["window"]
         colour = tinted[size_px[1] // 2, size_px[0] // 2, :3].astype(float)
         assert np.argsort(colour).tolist()[-1] == np.argsort(hues[level]).tolist()[-1]

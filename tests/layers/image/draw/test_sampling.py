@@ -49,9 +49,9 @@ def _synthetic() -> NDArray[np.uint8]:
     """Rings that get finer outward, text-like bars, and noise softened to what a lens would leave."""
     from scipy.ndimage import gaussian_filter
 
-    y, x = np.mgrid[:1020, :1240]
-    rings = 0.5 + 0.35 * np.cos(0.0012 * ((x - 500.0) ** 2 + (y - 400.0) ** 2) ** 0.9)
-    bars = np.where((x // 11) % 2 == 0, 0.85, 0.15) * (y > 700) + rings * (y <= 700)
+    y, x = np.mgrid[:510, :620]
+    rings = 0.5 + 0.35 * np.cos(0.0021 * ((x - 250.0) ** 2 + (y - 200.0) ** 2) ** 0.9)
+    bars = np.where((x // 11) % 2 == 0, 0.85, 0.15) * (y > 350) + rings * (y <= 350)
     noise = np.random.default_rng(0).normal(0, 0.1, (*x.shape, 3))
     picture = gaussian_filter(bars[..., None] + noise, (1.7, 1.7, 0))
     return np.asarray((picture.clip(0, 1) * 255).astype(np.uint8))
@@ -65,17 +65,17 @@ def picture(request: Any) -> NDArray[np.uint8]:
     import pyvips
 
     image = pyvips.Image.new_from_file(str(folder / "image" / f"{request.param}.jpg"))
-    texels = image.crop(image.width // 2, image.height // 3, 1240, 1020).numpy()[..., :3]
+    texels = image.crop(image.width // 2, image.height // 3, 620, 510).numpy()[..., :3]
     return np.ascontiguousarray(texels if texels.shape[2] == 3 else np.repeat(texels, 3, 2))
 
 
 @pytest.mark.parametrize(
     ("texels_per_px", "size_px", "sharp_db", "fast_db"),
     [
-        (1.0, (1000, 800), 70.0, 70.0),
-        (1.3, (1170, 910), 40.0, 35.0),
-        (1.7, (1190, 1020), 40.0, 35.0),
-        (3.1, (1240, 930), 36.0, 33.0),
+        (1.0, (500, 400), 70.0, 70.0),
+        (1.3, (585, 455), 40.0, 35.0),
+        (1.7, (595, 510), 40.0, 35.0),
+        (3.1, (620, 465), 36.0, 33.0),
         (1 / 2.3, (400, 300), 35.0, 34.0),
     ],
 )
