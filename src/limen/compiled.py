@@ -84,7 +84,9 @@ def compiled(
     """
 
     def make(python: _Loop) -> Any:
-        loop: Any = numba.njit(nogil=True, error_model=error_model, fastmath=fastmath, inline=inline)(python)
+        # Nobody calls a loop by its address in memory: to make it callable so would be a tenth of the compiler's work.
+        options = {"nogil": True, "no_cfunc_wrapper": True}
+        loop: Any = numba.njit(error_model=error_model, fastmath=fastmath, inline=inline, **options)(python)
         if loop is not python:  # as it is with NUMBA_DISABLE_JIT
             loop._cache = _KeptCode(python)
         return loop

@@ -96,7 +96,7 @@ def test_a_window_opens_and_closes(world):
     if shutil.which("xvfb-run") is None:
         pytest.skip("NO VIRTUAL SCREEN: install xvfb to test windows")
     for words, late in (([], 0.1), (["--display", "rostock", "--session", "A", "--overlay", "levels"], 0.3)):
-        window = [*CHILD, "xvfb-run", "-a", *LIMEN, "show", world, *words, "--seconds", 6, "--json"]
+        window = [*CHILD, "xvfb-run", "-a", *LIMEN, "show", world, *words, "--seconds", 3, "--json"]
         done = finished(window, timeout_s=120)
         assert done.returncode == 0, done.stderr
         (shown,) = json.loads(done.stdout)["frames"][0]["layers"]
@@ -110,6 +110,7 @@ def test_a_window_opens_and_closes(world):
 def test_demo_leaves_a_report_that_stands_alone(world, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(demo, "_PAPERS_HZ", 0.5)
     monkeypatch.setattr(demo, "_FILM_FRAMES", 3)
+    monkeypatch.setattr(demo, "_PREVIEW_SCALE", 1 / 40)
     # Its own walk, too, is looked at once a second: what every frame needs is counted by tests of the counting.
     monkeypatch.setattr(demo, "count_traffic", partial(count_traffic, rate_hz=1.0))
     assert limen("demo", "--content", world, "--out", tmp_path / "demo", "--json") == 0
@@ -143,7 +144,7 @@ def test_display_lists_draws_and_converts(tmp_path, capsys):
     quilts = json.loads(capsys.readouterr().out)["quilts"]
     assert [quilt["panels"] for quilt in quilts] == [4] * 6, "one for each node"
     assert all(0.99 < quilt["fill"] < 1 for quilt in quilts), "a gap around each panel"
-    assert np.asarray(Picture.open(tmp_path / "quilt.png")).std() > 5
+    assert np.asarray(Picture.open(tmp_path / "quilt.png"))[::10, ::10].std() > 5
     assert limen("display", tmp_path / "copy.toml") == 0
     assert "24 panels" in capsys.readouterr().out
 
@@ -219,7 +220,7 @@ def test_a_window_without_a_screen_says_so(world):
 
 def wait_until_at_work(running: subprocess.Popen[str], out: Path) -> None:
     """Until it writes, or has worked for longer than it takes to start; 6 s where nobody tells how long that is."""
-    spent, starting_s = Path(f"/proc/{running.pid}/stat"), 4.0
+    spent, starting_s = Path(f"/proc/{running.pid}/stat"), 2.5
     ends = time.monotonic() + (60 if spent.exists() else 6)
     while time.monotonic() < ends and running.poll() is None and not any(out.iterdir()):
         if spent.exists():

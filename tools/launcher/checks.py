@@ -18,6 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from limen.system import cache_folder
+
 __all__ = [
     "BESIDE",
     "CHECKS",
@@ -42,8 +44,13 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """Name and arguments to Python. The shaders, the documentation and the examples are checked by tests."""
 
-BESIDE: tuple[tuple[str, tuple[str, ...]], ...] = (("mypy --strict", ("-m", "mypy")),)
-"""As ``CHECKS``: a minute on one core, while pytest's processes start and have work of their own."""
+BESIDE: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("mypy --strict", ("-m", "mypy", "--cache-dir", str(cache_folder() / "mypy"))),
+)
+"""As ``CHECKS``: half a minute on one core, while pytest's processes start and have work of their own.
+
+What it knows of a file is kept for all checkouts, as the code of compiled loops is.
+"""
 
 _MODEST = 5
 """How nice such a check is: pytest's tests have time limits, and it has time until they end."""
