@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from itertools import permutations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +16,8 @@ from numpy.typing import NDArray
 import limen
 from golden.scenes import ROOM, TURNED, WALL
 from limen.data import sample_image
+from limen.data.mesh.mesh import NO_TEXTURE, Mesh
+from limen.data.points.file import Points
 from limen.data.samples.mesh import torus_knot
 from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
@@ -37,8 +41,17 @@ pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 VIEWER = Viewer((0.3, 1.5, 0.2), direction=(0, 0, -1))
 BACKGROUND = (0.02, 0.0, 0.02)
 _BYTES = 48 << 20
-KNOT, BALL = torus_knot(3000), ball(12_000)
 Rgb = NDArray[np.int64]
+
+
+@cache
+def a_knot() -> Mesh:
+    return torus_knot(3000)
+
+
+@cache
+def a_ball() -> Points:
+    return ball(12_000)
 
 
 class Contents(NamedTuple):
@@ -56,11 +69,11 @@ class Contents(NamedTuple):
             look_at = TerrainSettings(LookAt((0.55, 0.5), 30, 35, 5_000))
             return TerrainLayer(self.terrain, settings=look_at, reference_m=VIEWER.position_m)
         if kind == "mesh":
-            stands = mesh_in_room(KNOT.bounds, WALL, size_m=1.6, at_m=tuple(middle), turn_deg=20)
-            return MeshLayer(KNOT, RoomPlacement(matrix=stands))
+            stands = mesh_in_room(a_knot().bounds, WALL, size_m=1.6, at_m=tuple(middle), turn_deg=20)
+            return MeshLayer(a_knot(), RoomPlacement(matrix=stands))
         stands = np.diag([0.6, 0.6, 0.6, 1.0])
         stands[:3, 3] = middle + np.array([0.2, -0.1, 0.0])
-        return PointsLayer(BALL, RoomPlacement(matrix=stands))
+        return PointsLayer(a_ball(), RoomPlacement(matrix=stands))
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +105,20 @@ def alike(one: Rgb, other: Rgb) -> NDArray[np.bool_]:
 
 
 DISPLAYS = {"a wall": WALL, "a room": ROOM, "turned panels": TURNED}
+BY = {"a wall": "panels", "a room": "panels", "turned panels": "quilts"}
+Alone = Callable[..., tuple[Layer, Rgb]]
+
+
+@pytest.fixture(scope="module")
+def alone(device: Any, contents: Contents) -> Alone:
+    """A layer so far away on one of the displays, and its picture without any other (hidden: the background)."""
+
+    @cache
+    def made(where: str, kind: str, away_m: float, hidden: tuple[int, ...] = ()) -> tuple[Layer, Rgb]:
+        layer, by = contents.layer(kind, away_m, aside=where == "a room"), BY[where]
+        return layer, drawn(device, DISPLAYS[where], [layer], by=by, hidden=hidden)
+
+    return made
 
 
 @pytest.mark.parametrize("where", DISPLAYS)
@@ -99,17 +126,13 @@ DISPLAYS = {"a wall": WALL, "a room": ROOM, "turned panels": TURNED}
     ("front", "behind"),
     [pair for pair in permutations(("image", "mesh", "points", "terrain"), 2) if pair[0] != "image"],
 )
-def test_what_is_in_front_hides_what_is_behind(
-    where: str, front: str, behind: str, device: Any, contents: Contents
-) -> None:
+def test_what_is_in_front_hides_what_is_behind(where: str, front: str, behind: str, device: Any, alone: Alone) -> None:
     """Each pixel is that of one of them alone; what is nearer everywhere is all there, an image always behind."""
-    display, by = DISPLAYS[where], "quilts" if where == "turned panels" else "panels"
-    aside = where == "a room"
-    near, far = contents.layer(front, 1.6, aside=aside), contents.layer(behind, 4.0, aside=aside)
-    one, other = (drawn(device, display, [each], by=by) for each in (near, far))
+    display, by = DISPLAYS[where], BY[where]
+    (near, one), (far, other) = alone(where, front, 1.6), alone(where, behind, 4.0)
     both = drawn(device, display, [far, near], by=by)
     assert (alike(both, one) | alike(both, other)).all()
-    shown = ~alike(one, drawn(device, display, [near], by=by, hidden=(0,)))
+    shown = ~alike(one, alone(where, front, 1.6, hidden=(0,))[1])
     assert shown.mean() > 0.01, "something of it is seen"
     if front != "terrain":  # which begins nearer than what is behind it here, and ends farther away
         assert alike(both, one)[shown].all()
@@ -132,7 +155,6 @@ def test_what_stands_in_one_another_is_cut_where_it_meets(
 
 def test_a_mesh_and_its_own_vertices_meet_where_they_are(device: Any, contents: Contents) -> None:
     """The depths of both kinds mean the same: a plane of points a hand's breadth before or behind a plane mesh."""
-    from limen.data.mesh.mesh import NO_TEXTURE, Mesh
     from limen.data.points.build import build_points
 
     side = np.linspace(-1, 1, 41)
@@ -206,7 +228,7 @@ def test_what_cannot_be_shown_together_is_refused(device: Any, contents: Content
     with pytest.raises(InputError, match="an image beside other layers lies on the surface"):
         Renderer(device, WALL, [shape, mesh])
     with pytest.raises(InputError, match="a mesh beside other layers has the depth of each panel"):
-        Renderer(device, WALL, [MeshLayer(KNOT, depth="shared"), mesh])
+        Renderer(device, WALL, [MeshLayer(a_knot(), depth="shared"), mesh])
     with pytest.raises(InputError, match="alike for both eyes"):
         Renderer(device, WALL, [contents.layer("image")], stereo="anaglyph")
     with Renderer(device, WALL, [mesh, contents.layer("image")]) as renderer:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from limen.data.points.file import Points
 from limen.data.store.resample import linear_of_srgb
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
@@ -54,7 +56,13 @@ Draw: TypeAlias = Callable[[Tools, Display], Pictures]
 EYE = np.array([0.15, 0.05, 0.55])
 GAIN, FALLOFF = 0.6, 1.5
 BACKGROUND = (0.4, 0.1, 0.2)
-CLOUD = ball(1500)
+
+
+@cache
+def cloud() -> Points:
+    return ball(1500)
+
+
 MOST_CODES_OFF = 1
 """A pixel is rounded before it is dimmed and once more after it."""
 
@@ -164,9 +172,9 @@ def points(tools: Tools, display: Display) -> Pictures:
     (quilt,) = pack_outlines(display)
     stands = np.diag([0.3, 0.3, 0.3, 1.0])
     stands[:3, 3] = (0.1, 0.0, -0.5)
-    view, drawer = eyes_view(display, quilt, EYE), drawer_of(tools.device, CLOUD)
+    view, drawer = eyes_view(display, quilt, EYE), drawer_of(tools.device, cloud())
     with Easel(tools.device, background=BACKGROUND, matched=True) as easel:
-        picture = easel.picture(drawer, view, part_of(view, stands, leaves_of(CLOUD, 2))).copy()
+        picture = easel.picture(drawer, view, part_of(view, stands, leaves_of(cloud(), 2))).copy()
     drawer.destroy()
     return pictures_of(display, quilt, picture)
 

@@ -18,15 +18,16 @@ __all__ = ["FIRST", "Costs", "in_order"]
 FIRST: tuple[str, ...] = (
     "tests/frame/test_renderer.py",
     "tests/test_launcher_drivers.py",
-    "tests/frame/test_layers.py",
     "tests/study/test_observer.py",
+    "tests/track/test_walk.py",
+    "tests/calibrate/test_solve.py",
+    "tests/frame/test_layers.py",
     "tests/cli/test_show_and_demo.py",
     "tests/test_examples.py",
     "benchmarks/test_image.py",
     "tests/layers/image/draw/test_image_quilts.py",
     "tests/frame/test_repeatable.py",
     "tests/layers/image/draw/test_lens_mesh.py",
-    "tests/track/test_walk.py",
     "tests/data/image/test_image.py",
     "tests/layers/image/draw/test_sampling.py",
     "tests/cli/test_show_terrain.py",
@@ -35,14 +36,14 @@ FIRST: tuple[str, ...] = (
     "tests/cli/test_show_mesh.py",
     "tests/data/image/test_contrast_file.py",
     "tests/layers/image/draw/test_feedback.py",
-    "tests/calibrate/test_solve.py",
     "tests/layers/image/draw/test_pages.py",
     "tests/data/terrain/test_terrain_store.py",
 )
 """The most expensive files, which the last lines of a whole run name; the others follow, those of many tests first.
 
-Where nothing is compiled yet, the first file has nearly all loops compiled. The second and fourth, which the other
-process begins with, need none: else both would compile the same ones at the same time.
+Where nothing is compiled yet, the first file has nearly all loops compiled. The next four, which the other process
+works on meanwhile, need none: else both would compile the same ones at the same time. For the same reason no test file
+compiles while it is imported, which both processes do.
 """
 
 _SHOWN = 10

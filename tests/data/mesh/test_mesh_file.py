@@ -6,6 +6,7 @@ import json
 import struct
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,12 @@ from limen.data.mesh.textures import as_layers
 from limen.data.samples.mesh import torus_knot
 from limen.errors import FormatError, MissingFileError
 
-KNOT = torus_knot(600)
+
+@cache
+def a_knot():
+    return torus_knot(600)
+
+
 PLACES = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], float)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 UV_UP = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
@@ -58,13 +64,13 @@ def corners_of(mesh: Mesh, known: Mesh) -> set[tuple[int, ...]]:
 
 @pytest.mark.parametrize("kind", ["ply", "obj", "off", "stl", "glb", "3mf"])
 def test_the_same_triangles_come_back_from_every_format(tmp_path: Path, kind: str) -> None:
-    plain = trimesh.Trimesh(KNOT.positions, KNOT.triangles, process=False)
+    plain = trimesh.Trimesh(a_knot().positions, a_knot().triangles, process=False)
     path = write(tmp_path / f"a.{kind}", plain.export(file_type=kind))
     found = open_mesh(path)
     assert found.path == path
-    assert found.size == KNOT.size
-    assert corners_of(found, KNOT) == corners_of(KNOT, KNOT)
-    np.testing.assert_allclose(found.bounds, KNOT.bounds, atol=1e-4)
+    assert found.size == a_knot().size
+    assert corners_of(found, a_knot()) == corners_of(a_knot(), a_knot())
+    np.testing.assert_allclose(found.bounds, a_knot().bounds, atol=1e-4)
 
 
 _WITHOUT_EXTRA = """
@@ -88,7 +94,7 @@ for path in map(Path, sys.argv[1:]):
 
 
 def test_without_the_extra_all_formats_but_3mf_are_read_and_3mf_says_what_to_install(tmp_path: Path) -> None:
-    plain = trimesh.Trimesh(KNOT.positions, KNOT.triangles, process=False)
+    plain = trimesh.Trimesh(a_knot().positions, a_knot().triangles, process=False)
     kinds = ("ply", "obj", "off", "stl", "glb", "3mf")
     paths = [write(tmp_path / f"a.{kind}", plain.export(file_type=kind)) for kind in kinds]
     for name, content in trimesh.Scene(plain).export(file_type="gltf").items():
@@ -103,10 +109,10 @@ def test_without_the_extra_all_formats_but_3mf_are_read_and_3mf_says_what_to_ins
 
 @pytest.mark.parametrize("kind", ["ply", "stl"])
 def test_normals_are_smooth_even_where_a_file_shares_no_vertices(tmp_path: Path, kind: str) -> None:
-    plain = trimesh.Trimesh(KNOT.positions, KNOT.triangles, process=False)
+    plain = trimesh.Trimesh(a_knot().positions, a_knot().triangles, process=False)
     found = open_mesh(write(tmp_path / f"a.{kind}", plain.export(file_type=kind)))
-    near = np.linalg.norm(found.positions[:, None] - KNOT.positions[None], axis=2).argmin(axis=1)
-    np.testing.assert_allclose(found.normals, KNOT.normals[near], atol=2e-3)
+    near = np.linalg.norm(found.positions[:, None] - a_knot().positions[None], axis=2).argmin(axis=1)
+    np.testing.assert_allclose(found.normals, a_knot().normals[near], atol=2e-3)
 
 
 def test_a_file_is_known_by_its_content(tmp_path: Path) -> None:
@@ -235,7 +241,7 @@ def with_nan() -> bytes:
 
 
 def cut(kind: str) -> bytes:
-    whole = trimesh.Trimesh(KNOT.positions, KNOT.triangles, process=False).export(file_type=kind)
+    whole = trimesh.Trimesh(a_knot().positions, a_knot().triangles, process=False).export(file_type=kind)
     return bytes(whole[: len(whole) * 2 // 3])
 
 

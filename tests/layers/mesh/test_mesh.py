@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -53,7 +54,11 @@ def ball(rings: int = 40, *, bumps: float = 0.02) -> Mesh:
     )  # fmt: skip
 
 
-BALL = FoldTree(build_vertex_tree(ball()))
+@cache
+def a_ball():
+    return FoldTree(build_vertex_tree(ball()))
+
+
 VIEWS = QuiltPanels(Display.window((640, 480)), Quilt((640, 480), (0,), ((0, 0),))).seen_from(np.zeros(3))
 SHARES = acuity_scale_of_contrast(100.0)
 
@@ -69,8 +74,8 @@ def sight(policy: str, distance_m: float = 6.0, turn: float = 0.3, *, acuity: fl
 
 
 def test_all_triangles_are_left_where_nothing_is_folded():
-    cut = select_mesh(BALL, sight("full"))
-    assert np.array_equal(cut.triangles, BALL.tree.triangles)
+    cut = select_mesh(a_ball(), sight("full"))
+    assert np.array_equal(cut.triangles, a_ball().tree.triangles)
 
 
 @settings(max_examples=30, deadline=None)
@@ -79,8 +84,8 @@ def test_all_triangles_are_left_where_nothing_is_folded():
     st.sampled_from(["support", "displacement"]),
 )  # fmt: skip
 def test_every_vertex_stands_in_one_node_above_it_and_triangles_are_those_of_three(distance_m, turn, policy, extent):
-    cut = select_mesh(BALL, sight(policy, distance_m, turn, extent=extent))
-    tree = BALL.tree
+    cut = select_mesh(a_ball(), sight(policy, distance_m, turn, extent=extent))
+    tree = a_ball().tree
     state = cut.state[:-1]
     stands = state[: tree.vertices]
     assert (state[stands] == stands).all()
@@ -101,24 +106,24 @@ def test_every_vertex_stands_in_one_node_above_it_and_triangles_are_those_of_thr
     st.floats(2.0, 60.0), st.floats(0, 6.3), st.sampled_from(["acuity", "contrast", "contrast+gaze"]), st.floats(1, 8)
 )
 def test_a_tighter_tolerance_never_coarsens(distance_m, turn, policy, looser):
-    fine = select_mesh(BALL, sight(policy, distance_m, turn, acuity=1.0)).state[:-1]
-    coarse = select_mesh(BALL, sight(policy, distance_m, turn, acuity=looser)).state[:-1]
+    fine = select_mesh(a_ball(), sight(policy, distance_m, turn, acuity=1.0)).state[:-1]
+    coarse = select_mesh(a_ball(), sight(policy, distance_m, turn, acuity=looser)).state[:-1]
     # What stands for a vertex in the fine cut is itself below what stands for it in the coarse one.
-    stands = fine[: BALL.tree.vertices]
-    assert np.array_equal(coarse[stands], coarse[: BALL.tree.vertices])
+    stands = fine[: a_ball().tree.vertices]
+    assert np.array_equal(coarse[stands], coarse[: a_ball().tree.vertices])
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(2.0, 30.0), st.integers(4, 7000), st.sampled_from(["budget", "budget+gaze", "size"]))
 def test_a_budget_is_kept_and_a_larger_one_folds_less(distance_m, most, policy):
-    cut, more = (select_mesh(BALL, sight(f"{policy}:{number}", distance_m)) for number in (most, 2 * most))
+    cut, more = (select_mesh(a_ball(), sight(f"{policy}:{number}", distance_m)) for number in (most, 2 * most))
     assert len(cut) <= most
     assert more.limit <= cut.limit
     assert len(more) >= len(cut)
 
 
 def test_threads_do_not_change_the_cut():
-    one, three = (select_mesh(BALL, sight("contrast", 20.0), threads=threads) for threads in (1, 3))
+    one, three = (select_mesh(a_ball(), sight("contrast", 20.0), threads=threads) for threads in (1, 3))
     assert np.array_equal(one.triangles, three.triangles)
 
 
@@ -133,7 +138,7 @@ def test_silhouettes_keep_more_than_what_is_inside():
 
 def test_less_is_left_than_by_the_papers_own_extent():
     ours, papers = (
-        len(select_mesh(BALL, sight("contrast", 20.0, extent=each))) for each in ("displacement", "support")
+        len(select_mesh(a_ball(), sight("contrast", 20.0, extent=each))) for each in ("displacement", "support")
     )
     assert ours < papers
 
@@ -234,7 +239,7 @@ def test_a_closed_surface_hides_its_back_and_one_with_a_hole_from_one_side_only(
         None, closed.positions, closed.triangles[closed.positions[closed.triangles, 1].min(axis=1) > -0.8],
         closed.normals, closed.colours, closed.uv, closed.layers, closed.textures,
     )  # fmt: skip
-    whole, holed = BALL.covers, FoldTree(build_vertex_tree(open_below)).covers
+    whole, holed = a_ball().covers, FoldTree(build_vertex_tree(open_below)).covers
     above, below = np.array([0.0, 5, 0]), np.array([0.0, -5, 0])
     assert not len(visible_holes(whole, above))
     assert not len(visible_holes(whole, below))
@@ -254,7 +259,7 @@ def test_what_is_seen_through_a_hole_folds_as_late_as_the_front():
     chosen = Policy.parse("contrast", 3.0)
     tolerance = tolerance_of([Viewer((0, 0, 0), eye_separation_m=0.0)], chosen)
     left = []
-    for foldable in (holed, BALL):
+    for foldable in (holed, a_ball()):
         cut = select_mesh(foldable, FoldRequest((VIEWS,), below, tolerance, chosen, SHARES))
         top = foldable.tree.middle[:, 1] > 0.3
         assert (cut.faces[top] == HIDDEN).any()
@@ -273,5 +278,5 @@ def test_what_passes_is_folded_further_than_what_comes_near() -> None:
     past, toward = np.zeros((2, 1, 3, 4))
     past[0, 0, 3] = toward[0, 2, 3] = 2.0
     tolerances = [still.tolerance, *(replace(still.tolerance, motion=each) for each in (toward, past))]
-    counts = [len(select_mesh(BALL, replace(still, tolerance=each))) for each in tolerances]
+    counts = [len(select_mesh(a_ball(), replace(still, tolerance=each))) for each in tolerances]
     assert counts[0] >= counts[1] > counts[2] > 0

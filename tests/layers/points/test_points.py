@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,13 +31,30 @@ from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 from support.clouds import ball
 
-CLOUD = ball()
-TREE = PointTree.of(CLOUD)
-NODES = np.stack([CLOUD.read_chunk(chunk) for chunk in range(CLOUD.chunks)])
-ALL = ResidentNodes(
-    np.ascontiguousarray(NODES).view(np.uint32).reshape(CLOUD.chunks, CHUNK_NODES, 4),
-    np.arange(CLOUD.chunks, dtype=np.int32),
-)
+
+@cache
+def a_ball():
+    return ball()
+
+
+@cache
+def tree():
+    return PointTree.of(a_ball())
+
+
+@cache
+def nodes():
+    return np.stack([a_ball().read_chunk(chunk) for chunk in range(a_ball().chunks)])
+
+
+@cache
+def every_node():
+    return ResidentNodes(
+        np.ascontiguousarray(nodes()).view(np.uint32).reshape(a_ball().chunks, CHUNK_NODES, 4),
+        np.arange(a_ball().chunks, dtype=np.int32),
+    )
+
+
 SHARES = acuity_scale_of_contrast(100.0)
 
 
@@ -68,12 +86,12 @@ def sight(policy: str, distance_m: float = 3.0, turn: float = 0.0, viewers=None,
 def place_of(item: int):
     """Centre, radius, normal (or None), half angle and code of an item, in the cloud's coordinates."""
     if item & TOP_ITEM:
-        row = np.concatenate(CLOUD.tops)[item ^ TOP_ITEM]
+        row = np.concatenate(a_ball().tops)[item ^ TOP_ITEM]
         centre, radius = row["place"].astype(float), float(row["radius"])
     else:
         chunk, node = divmod(item, CHUNK_NODES)
-        row = NODES[chunk, node]
-        origin, step, widest = (each[chunk] for each in CLOUD.frames)
+        row = nodes()[chunk, node]
+        origin, step, widest = (each[chunk] for each in a_ball().frames)
         centre = origin + step * row["place"].astype(float)
         radius = float(radius_of_code(row["radius"], widest))
     normal = None if row["cone"] == ALL_AROUND else unpacked_normal(row["normal"])
@@ -84,11 +102,11 @@ def children_of(item: int) -> list[int]:
     """Items one level below; the empty list of a point."""
     if item & TOP_ITEM:
         row = item ^ TOP_ITEM
-        level = int(np.searchsorted(TREE.level_first, row, side="right")) - 1
-        index = row - int(TREE.level_first[level])
+        level = int(np.searchsorted(tree().level_first, row, side="right")) - 1
+        index = row - int(tree().level_first[level])
         if level:
-            last = min(FAN * index + FAN, int(TREE.level_count[level - 1]))
-            return [TOP_ITEM | int(TREE.level_first[level - 1]) + child for child in range(FAN * index, last)]
+            last = min(FAN * index + FAN, int(tree().level_count[level - 1]))
+            return [TOP_ITEM | int(tree().level_first[level - 1]) + child for child in range(FAN * index, last)]
         chunk, level, index = index, CHUNK_LEVEL, 0
     else:
         chunk, node = divmod(item, CHUNK_NODES)
@@ -96,7 +114,7 @@ def children_of(item: int) -> list[int]:
         index = node - LEVEL_BEGIN[level]
     if level == 0:
         return []
-    held = -(-CLOUD.points_of_chunk(chunk) // FAN ** (level - 1))
+    held = -(-a_ball().points_of_chunk(chunk) // FAN ** (level - 1))
     begin = LEVEL_BEGIN[level - 1]
     return [chunk * CHUNK_NODES + begin + child for child in range(FAN * index, min(FAN * index + FAN, held))]
 
@@ -147,7 +165,7 @@ def k_of(item: int, seen: PointsRequest) -> float:
 
 
 def plain_cut(seen: PointsRequest, limit: float = 1.0) -> set[int]:
-    root = TOP_ITEM | int(TREE.level_first[-1])
+    root = TOP_ITEM | int(tree().level_first[-1])
     pending, drawn = [root], set()
     while pending:
         item = pending.pop()
@@ -170,7 +188,7 @@ def as_nodes(items) -> set[int]:
 @pytest.mark.parametrize("policy", ["full", "acuity", "contrast", "acuity+gaze", "contrast+gaze"])
 def test_the_cut_is_what_the_definition_says(policy):
     seen = sight(policy, distance_m=6.0, turn=0.4, lit=False)
-    cut = select_points(TREE, ALL, seen)
+    cut = select_points(tree(), every_node(), seen)
     expected = plain_cut(seen)
     found = as_nodes(cut.pairs[:, 0])
     assert len(cut) == len(found) > 100
@@ -189,12 +207,14 @@ def leaves_below(item: int) -> list[int]:
 
 def test_every_point_in_sight_is_covered_once_and_no_other_node_twice():
     seen = sight("contrast", distance_m=4.0)
-    covered = [leaf for item in as_nodes(select_points(TREE, ALL, seen).pairs[:, 0]) for leaf in leaves_below(item)]
+    covered = [
+        leaf for item in as_nodes(select_points(tree(), every_node(), seen).pairs[:, 0]) for leaf in leaves_below(item)
+    ]
     assert len(covered) == len(set(covered))
     visible = {
         chunk * CHUNK_NODES + LEVEL_BEGIN[0] + point
-        for chunk in range(CLOUD.chunks)
-        for point in range(CLOUD.points_of_chunk(chunk))
+        for chunk in range(a_ball().chunks)
+        for point in range(a_ball().points_of_chunk(chunk))
         if k_of(chunk * CHUNK_NODES + LEVEL_BEGIN[0] + point, seen) >= 0
     }
     assert visible <= set(covered)
@@ -212,7 +232,7 @@ def test_a_tighter_tolerance_never_coarsens(distance_m, turn, policy, looser):
                      tight.policy),
         tight.policy, tight.shares,
     )  # fmt: skip
-    fine, coarse = (as_nodes(select_points(TREE, ALL, each).pairs[:, 0]) for each in (tight, loose))
+    fine, coarse = (as_nodes(select_points(tree(), every_node(), each).pairs[:, 0]) for each in (tight, loose))
     assert len(coarse) <= len(fine)
     # Nothing that the tight cut draws lies strictly above what the loose one draws.
     strictly = {ancestor for item in coarse for ancestor in ancestors_of(item)}
@@ -220,11 +240,12 @@ def test_a_tighter_tolerance_never_coarsens(distance_m, turn, policy, looser):
 
 
 def ancestors_of(item: int) -> list[int]:
-    return _PARENTS[item]
+    return parents()[item]
 
 
-def _parents() -> dict[int, list[int]]:
-    found: dict[int, list[int]] = {TOP_ITEM | int(TREE.level_first[-1]): []}
+@cache
+def parents() -> dict[int, list[int]]:
+    found: dict[int, list[int]] = {TOP_ITEM | int(tree().level_first[-1]): []}
     pending = list(found)
     while pending:
         item = pending.pop()
@@ -234,52 +255,51 @@ def _parents() -> dict[int, list[int]]:
     return found
 
 
-_PARENTS = _parents()
-
-
 @settings(max_examples=20, deadline=None)
 @given(st.floats(1.5, 40.0), st.integers(1, 30_000), st.sampled_from(["budget", "budget+gaze", "size"]))
 def test_a_budget_is_kept_and_what_it_draws_is_the_cut_at_its_limit(distance_m, most, policy):
     seen = sight(f"{policy}:{most}", distance_m)
-    cut = select_points(TREE, ALL, seen)
+    cut = select_points(tree(), every_node(), seen)
     assert len(cut) <= most
     assert cut.reached <= cut.limit
 
 
 def test_more_budget_is_nearer_to_all_points():
-    limits = [select_points(TREE, ALL, sight(f"budget:{most}")).limit for most in (200, 1000, 5000)]
+    limits = [select_points(tree(), every_node(), sight(f"budget:{most}")).limit for most in (200, 1000, 5000)]
     assert limits == sorted(limits, reverse=True)
     assert limits[0] > 2 * limits[-1]
 
 
 def test_threads_do_not_change_the_cut():
     seen = sight("contrast", distance_m=2.0)
-    one, four = (select_points(TREE, ALL, seen, threads=threads) for threads in (1, 4))
+    one, four = (select_points(tree(), every_node(), seen, threads=threads) for threads in (1, 4))
     assert np.array_equal(one.pairs, four.pairs)
     assert np.array_equal(one.wanted, four.wanted)
 
 
 def test_what_is_not_resident_is_drawn_as_its_top_and_asked_for():
-    nothing = ResidentNodes(ALL.words, np.full(CLOUD.chunks, -1, np.int32))
-    cut = select_points(TREE, nothing, sight("acuity"))
+    nothing = ResidentNodes(every_node().words, np.full(a_ball().chunks, -1, np.int32))
+    cut = select_points(tree(), nothing, sight("acuity"))
     assert (cut.pairs[:, 0] & TOP_ITEM).all()
     assert len(cut.wanted) > 1
     assert cut.reached > 1
-    assert set(cut.wanted) == set(select_points(TREE, ALL, sight("acuity")).wanted)
+    assert set(cut.wanted) == set(select_points(tree(), every_node(), sight("acuity")).wanted)
 
 
 def test_the_more_viewers_the_finer():
     alone = [Viewer((0, 0, 0), acuity_arcmin=20, eye_separation_m=0)]
     together = [*alone, Viewer((0, 0, -15), acuity_arcmin=20, eye_separation_m=0)]
-    one, two = (len(select_points(TREE, ALL, sight("acuity", 20.0, viewers=each))) for each in (alone, together))
+    one, two = (
+        len(select_points(tree(), every_node(), sight("acuity", 20.0, viewers=each))) for each in (alone, together)
+    )
     assert two > one
 
 
 def test_normals_lit_differently_make_contrast():
-    assert len(select_points(TREE, ALL, sight("contrast", 12.0, lit=True))) >= len(
-        select_points(TREE, ALL, sight("contrast", 12.0, lit=False))
+    assert len(select_points(tree(), every_node(), sight("contrast", 12.0, lit=True))) >= len(
+        select_points(tree(), every_node(), sight("contrast", 12.0, lit=False))
     )
 
 
 def test_a_node_is_sixteen_bytes_for_shaders():
-    assert NODE.itemsize == 4 * ALL.words.itemsize
+    assert NODE.itemsize == 4 * every_node().words.itemsize

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,7 +22,9 @@ def land(**options):
     return GridLand(HEIGHTS, leaf=16, roots=(2, 1), **options)
 
 
-LAND = land()
+@cache
+def the_land():
+    return land()
 
 
 def patch_stream(source, *, vertex_capacity, index_capacity, **streaming):
@@ -137,7 +140,7 @@ def test_too_little_room_for_the_roots_is_refused():
 @settings(deadline=None, max_examples=15)
 @given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 30)), min_size=1, max_size=6), st.integers(600, 6000))
 def test_ranges_never_overlap_under_any_walk(walk, room):
-    source = LAND
+    source = the_land()
     buffers = Buffers(room, 4 * room)
     options = {"vertex_capacity": room, "index_capacity": 4 * room, "bytes_per_frame": 20_000, "kept": 16}
     with patch_stream(source, **options) as stream:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
 from limen.data.points.build import build_points
+from limen.data.points.file import Points
 from limen.data.points.nodes import LEVEL_BEGIN
 from limen.display.display import Display
 from limen.display.packing import pack_outlines
@@ -28,7 +30,12 @@ from support.splats import drawer_of, leaves_of, part_of
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
-CLOUD = ball(3000)
+
+@cache
+def a_ball() -> Points:
+    return ball(3000)
+
+
 STANDS = np.array([[0.3, 0, 0, 0], [0, 0.3, 0, 0], [0, 0, 0.3, -1.0], [0, 0, 0, 1.0]])
 
 
@@ -45,11 +52,11 @@ def test_all_ways_to_find_the_nearest_give_the_same_picture(device: Any, shape: 
     display = corner_panels()
     (quilt,) = pack_outlines(display)
     view = eyes_view(display, quilt, (0.0, 0.0, 0.6))
-    part = part_of(view, STANDS, leaves_of(CLOUD, 2))
+    part = part_of(view, STANDS, leaves_of(a_ball(), 2))
     pictures: dict[Any, Any] = {}
     with Easel(device, background=(0.1, 0.0, 0.1)) as easel:
         for method in METHODS if device.has_wide_atomics else METHODS[1:]:
-            drawer = drawer_of(device, CLOUD, shape=shape, method=method)
+            drawer = drawer_of(device, a_ball(), shape=shape, method=method)
             pictures[method] = easel.picture(drawer, view, part)
             drawer.most_placed = 700  # as if an adapter could hold no more: batches
             pictures[method, "in batches"] = easel.picture(drawer, view, part)
@@ -140,4 +147,4 @@ def test_structs_are_what_the_shaders_say() -> None:
 
 def test_a_shape_that_is_not_there_is_refused(device: Any) -> None:
     with pytest.raises(InputError, match="round, square"):
-        PointsDrawer(device, PointsLayer(CLOUD, shape="oval"), CHUNK_BYTES)  # type: ignore[arg-type]
+        PointsDrawer(device, PointsLayer(a_ball(), shape="oval"), CHUNK_BYTES)  # type: ignore[arg-type]
