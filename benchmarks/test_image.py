@@ -28,7 +28,7 @@ ROOM = one_to_one_room()
 @pytest.fixture(scope="module")
 def world(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("world") / "world.tif"
-    sample_image(path, 0.02)
+    sample_image(path, 0.01)
     return path
 
 

@@ -70,7 +70,7 @@ def test_overlays_contours_and_flights_change_the_picture(
     land: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def drawn(name: str, *options: object) -> Any:
-        words = ("show", land, "--out", tmp_path / name, "--scale", "0.2", "--format", "png", *options)
+        words = ("show", land, "--out", tmp_path / name, "--scale", "0.1", "--format", "png", *options)
         (frame,) = result(capsys, *words)["frames"]
         return picture(frame["files"][0])
 

@@ -10,7 +10,7 @@ import pytest
 from limen.frame.renderer import Renderer
 from limen.layers.base import Layer
 from support.contents import kind, knot, layer, layers, terrain, world
-from support.frames import WALL, Make
+from support.frames import MEMORY, WALL, Make
 
 __all__ = ["kind", "knot", "layer", "layers", "make", "terrain", "world"]
 
@@ -21,7 +21,7 @@ def make(device: Any, layer: Layer) -> Iterator[Make]:
     made: list[Renderer] = []
 
     def renderer(**options: Any) -> Renderer:
-        made.append(Renderer(device, WALL, [layer], **options))
+        made.append(Renderer(device, WALL, [layer], **({"gpu_bytes": MEMORY} | options)))
         return made[-1]
 
     yield renderer

@@ -22,6 +22,7 @@ from limen.viewing.viewer import Viewer
 from support.frames import (
     ELSEWHERE,
     EYE,
+    MEMORY,
     SMALL_PX,
     VIEWER,
     WALL,
@@ -45,7 +46,7 @@ def test_what_is_closed_leaves_nothing_behind(device: Any, layer: Layer) -> None
     camera = Camera(EYE, (0.0, 1.5, -1.5), (40, 30), 60.0)
 
     def use() -> None:
-        with Renderer(device, WALL, [layer], max_quilt_px=SMALL_PX) as renderer:
+        with Renderer(device, WALL, [layer], gpu_bytes=MEMORY, max_quilt_px=SMALL_PX) as renderer:
             frame = frame_of(renderer, VIEWER)
             renderer.frame(frame)
             assert len(drawn(renderer, frame)[0]) == 24
@@ -61,7 +62,7 @@ def test_what_is_closed_leaves_nothing_behind(device: Any, layer: Layer) -> None
 def test_the_device_and_the_content_stay_open(device: Any, layer: Layer) -> None:
     seen = []
     for _ in range(2):
-        with Renderer(device, WALL, [layer]) as renderer:
+        with Renderer(device, WALL, [layer], gpu_bytes=MEMORY) as renderer:
             seen.append(drawn(renderer, frame_of(renderer, VIEWER))[0])
     assert_equal(*seen)
 
@@ -222,7 +223,7 @@ def test_panels_of_a_part_show_what_they_show_of_the_whole(device: Any, layer: L
     one = make()
     every, _ = drawn(one, frame_of(one, VIEWER))
     part = WALL.select("wall/2,*")
-    with Renderer(device, part, [layer], whole=WALL) as renderer:
+    with Renderer(device, part, [layer], gpu_bytes=MEMORY, whole=WALL) as renderer:
         some, _ = drawn(renderer, frame_of(renderer, VIEWER))
     assert list(some) == [f"wall/2,{row}" for row in range(4)]
     if kind == "image":  # lies on what it is shown on

@@ -96,3 +96,17 @@ def test_the_last_that_gives_a_device_back_ends_it() -> None:
     )
     done = finished([*PYTHON, "-c", code], timeout_s=120)
     assert done.stdout == "ended\n", done.stderr
+
+
+@pytest.mark.gpu
+def test_what_is_made_of_one_description_is_made_once(device: Any) -> None:
+    def layout(kind: str) -> Any:
+        entries = [{"binding": 0, "visibility": 1, "buffer": {"type": kind}}]
+        return device.kept("create_bind_group_layout", entries=entries)
+
+    assert layout("uniform") is layout("uniform")
+    assert layout("uniform") is not layout("read-only-storage")
+    by_layout = [device.kept("create_pipeline_layout", bind_group_layouts=[layout("uniform")]) for _ in range(2)]
+    assert by_layout[0] is by_layout[1]
+    other = device.kept("create_pipeline_layout", bind_group_layouts=[layout("read-only-storage")])
+    assert other is not by_layout[0]

@@ -23,6 +23,7 @@ __all__ = [
     "ELSEWHERE",
     "EYE",
     "FULL",
+    "MEMORY",
     "SMALL_PX",
     "STANDS",
     "VIEWER",
@@ -47,6 +48,9 @@ Make: TypeAlias = Callable[..., Renderer]
 
 WALL = Display.preset("rostock").scaled(0.05)
 """24 panels of 96 x 60 pixels, on which one thing of every kind is shown."""
+
+MEMORY = 64 << 20
+"""Bytes on the adapter for one thing: all of it is cleared before the first frame."""
 
 SMALL_PX = 30_000
 """Of a quilt: four of the wall's panels and more."""

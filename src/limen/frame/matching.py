@@ -94,7 +94,8 @@ class PanelMatching:
 
     def _pipeline(self, target_format: str) -> Any:
         module = load_shader(self._device, "limen.frame", "matching.wgsl")
-        return self._device.wgpu.create_render_pipeline(
+        return self._device.kept(
+            "create_render_pipeline",
             label="matching",
             layout="auto",
             vertex={"module": module, "entry_point": "outline"},

@@ -238,18 +238,20 @@ class DisplaySimulator:
     def _frame_layout(self) -> Any:
         both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
         frame = {"type": "uniform", "has_dynamic_offset": True}
-        return self._device.wgpu.create_bind_group_layout(
+        return self._device.kept(
+            "create_bind_group_layout",
             entries=[
                 {"binding": 0, "visibility": both, "buffer": frame},
                 {"binding": 1, "visibility": both, "buffer": {"type": "read-only-storage"}},
                 {"binding": 2, "visibility": wgpu.ShaderStage.FRAGMENT, "sampler": {"type": "filtering"}},
-            ]
+            ],
         )
 
     def _picture_layout(self) -> Any:
         texture = {"sample_type": "float", "view_dimension": "2d"}
-        return self._device.wgpu.create_bind_group_layout(
-            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": texture}]
+        return self._device.kept(
+            "create_bind_group_layout",
+            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": texture}],
         )
 
     def _frame_group(self) -> Any:
@@ -281,9 +283,10 @@ class DisplaySimulator:
         return self._pipelines[key]
 
     def _pipeline(self, name: str, colours: dict[str, Any], constants: dict[str, float], **more: Any) -> Any:
-        return self._device.wgpu.create_render_pipeline(
+        return self._device.kept(
+            "create_render_pipeline",
             label=f"lit {name}",
-            layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=self._layouts),
+            layout=self._device.kept("create_pipeline_layout", bind_group_layouts=self._layouts),
             vertex={"module": self._shader, "entry_point": f"{name}_vertex"},
             primitive={"topology": "triangle-list"},
             fragment={

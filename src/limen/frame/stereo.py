@@ -18,14 +18,15 @@ class Anaglyph:
     def __init__(self, device: Device) -> None:
         self._device = device
         self._module = load_shader(device, "limen.frame", "eyes.wgsl")
-        self._layout = device.wgpu.create_bind_group_layout(
+        self._layout = device.kept(
+            "create_bind_group_layout",
             entries=[
                 {
                     "binding": 0,
                     "visibility": wgpu.ShaderStage.FRAGMENT,
                     "texture": {"sample_type": "float", "view_dimension": "2d"},
                 }
-            ]
+            ],
         )
         self._pipelines: dict[str, Any] = {}
         self._targets: dict[tuple[tuple[int, int], int], Any] = {}
@@ -67,9 +68,10 @@ class Anaglyph:
 
     def _pipeline(self, target_format: str) -> Any:
         if target_format not in self._pipelines:
-            self._pipelines[target_format] = self._device.wgpu.create_render_pipeline(
+            self._pipelines[target_format] = self._device.kept(
+                "create_render_pipeline",
                 label="anaglyph",
-                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+                layout=self._device.kept("create_pipeline_layout", bind_group_layouts=[self._layout]),
                 vertex={"module": self._module, "entry_point": "vertex"},
                 primitive={"topology": "triangle-list"},
                 fragment={

@@ -13,7 +13,8 @@ import contextlib
 import os
 import tempfile
 import weakref
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import wgpu
@@ -72,6 +73,18 @@ class Device:
     can_clip: bool = False
     has_wide_atomics: bool = False
     is_opengl: bool = False
+    _kept: dict[Hashable, Any] = field(default_factory=dict, repr=False)
+
+    def kept(self, make: str, **description: Any) -> Any:
+        """What ``wgpu.create_...`` makes of a description, made once: a shader module, a layout, or a pipeline.
+
+        A pipeline is compiled when it is first drawn with, which takes a software adapter a quarter of a second; all
+        that draw with this device share it. They are freed with the device, and by nobody else.
+        """
+        key = make, _frozen(description)
+        if key not in self._kept:
+            self._kept[key] = getattr(self.wgpu, make)(**description)
+        return self._kept[key]
 
     def wait(self) -> None:
         """Until everything that was submitted is done: what is read comes after it."""
@@ -82,6 +95,7 @@ class Device:
 
     def destroy(self) -> None:
         """Give it back. What was made from it is freed by its owners, before: others may go on with ``wgpu``."""
+        self._kept.clear()
         if not _is_held_by_others(self):
             self.wgpu.destroy()
 
@@ -90,6 +104,13 @@ class Device:
 
     def __exit__(self, *_: object) -> None:
         self.destroy()
+
+
+def _frozen(value: Any) -> Hashable:
+    """A description as a key. Modules and layouts in it stand for themselves: they are kept as well."""
+    if isinstance(value, Mapping):
+        return tuple((name, _frozen(each)) for name, each in value.items())
+    return tuple(map(_frozen, value)) if isinstance(value, list | tuple) else value
 
 
 def open_device(*, prefer: str | None = None) -> Device:

@@ -43,4 +43,4 @@ def _collect(package: str, name: str, texts: dict[tuple[str, str], str]) -> None
 
 def load_shader(device: Device, package: str, name: str) -> Any:
     """The compiled shader module of a file and of all that it stands on; wgpu's messages call it by the file's name."""
-    return device.wgpu.create_shader_module(label=name, code=shader_text(package, name))
+    return device.kept("create_shader_module", label=name, code=shader_text(package, name))

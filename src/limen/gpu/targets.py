@@ -113,8 +113,9 @@ class Targets:
         """
         device = self._device.wgpu
         depth, bits = self.texture(size_px, DEPTH_FORMAT), self.texture(size_px, _BITS_FORMAT)
-        layout = device.create_bind_group_layout(
-            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": SAMPLED_DEPTH}]
+        layout = self._device.kept(
+            "create_bind_group_layout",
+            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": SAMPLED_DEPTH}],
         )
         group = device.create_bind_group(layout=layout, entries=[{"binding": 0, "resource": depth.create_view()}])
         encoder = device.create_command_encoder(label="read depth")
@@ -130,9 +131,10 @@ class Targets:
 
     def _bits_pipeline(self, layout: Any) -> Any:
         module = load_shader(self._device, "limen.gpu", "depth.wgsl")
-        return self._device.wgpu.create_render_pipeline(
+        return self._device.kept(
+            "create_render_pipeline",
             label="read depth",
-            layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[layout]),
+            layout=self._device.kept("create_pipeline_layout", bind_group_layouts=[layout]),
             vertex={"module": module, "entry_point": "whole"},
             primitive={"topology": "triangle-list"},
             fragment={"module": module, "entry_point": "bits", "targets": [{"format": _BITS_FORMAT}]},

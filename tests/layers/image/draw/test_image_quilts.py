@@ -23,12 +23,24 @@ from limen.viewing.placement import OnShape, OnSurface, Placement
 from limen.viewing.projection import GUARD_PX
 from limen.viewing.tessellation import Tessellation
 from limen.viewing.viewer import Viewer
-from support.frames import FULL, frame_of, row_of
+from support.frames import FULL, MEMORY, frame_of, row_of
 
 pytestmark = [pytest.mark.gpu, pytest.mark.drawing]
 
 EXAMPLE = Path(__file__).parents[4] / "examples/portrait_wall.toml"
 WALL = Display.load(EXAMPLE)
+SMALL = replace(
+    WALL.scaled(0.5),
+    quilts=tuple(
+        replace(
+            quilt,
+            size_px=tuple(side // 2 for side in quilt.size_px),
+            offsets_px=tuple((x // 2, y // 2) for x, y in quilt.offsets_px),
+        )
+        for quilt in WALL.quilts
+    ),
+)
+"""The same with half as many pixels along each side."""
 VIEWER = Viewer((0.2, 1.5, 0.3))
 LENSES = (Lens((300.0, 260.0), 160.0, 3.0), Lens((700.0, 500.0), 150.0, 2.5))
 PLACEMENTS: dict[str, Placement] = {
@@ -53,15 +65,18 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def drawn(device: Any, world: Path, display: Display, placement: Any, *, quilts: bool = False) -> dict[str, Rgb]:
-    with limen.open(world) as image, Renderer(device, display, [ImageLayer(image, placement, FULL)]) as renderer:  # type: ignore[union-attr]
+    with (
+        limen.open(world) as image,
+        Renderer(device, display, [ImageLayer(image, placement, FULL)], gpu_bytes=MEMORY) as renderer,
+    ):  # type: ignore[union-attr]
         pictures = renderer.pictures(frame_of(renderer, VIEWER), by="quilts" if quilts else "panels")
         return {name: picture[..., :3].copy() for name, picture, _ in pictures}
 
 
 @pytest.mark.parametrize("name", PLACEMENTS)
 def test_turned_panels_show_what_upright_ones_show(name: str, device: Any, world: Path) -> None:
-    turned = drawn(device, world, WALL, PLACEMENTS[name])
-    upright = drawn(device, world, replace(WALL, quilts=()), PLACEMENTS[name])
+    turned = drawn(device, world, SMALL, PLACEMENTS[name])
+    upright = drawn(device, world, replace(SMALL, quilts=()), PLACEMENTS[name])
     assert set(turned) == set(upright)
     codes = 8 if name == "lenses in triangles" else 1  # whose corners are interpolated along the quilt's rows
     for panel, picture in turned.items():
@@ -105,7 +120,7 @@ def test_where_there_is_room_the_image_goes_on_beyond_the_outline(turns: Any, de
 
 def test_facets_in_a_packing_show_what_they_show_alone(device: Any, world: Path) -> None:
     """Triangles, some of them upside down, as `limen display NAME --quilt --to-toml` keeps them."""
-    display = Display.preset("icosahedron").scaled(0.25)
+    display = Display.preset("icosahedron").scaled(0.125)
     around = OnShape("ellipsoid", (0, 0, 0), (0, 0, -3.0), (0, -3.0, 0), eye_m=(0.0, 0.0, 0.0))
     packed = replace(display, quilts=tuple(pack_outlines(display, max_size_px=4096)))
     assert any(turn for quilt in packed.quilts for turn in quilt.quarter_turns)
@@ -119,9 +134,9 @@ def test_facets_in_a_packing_show_what_they_show_alone(device: Any, world: Path)
 
 
 def test_a_part_of_a_wall_is_drawn_and_panels_match_in_its_quilts(device: Any, world: Path) -> None:
-    dim = tuple(replace(panel, gain=0.5) if panel.name == "wall/1,0" else panel for panel in WALL.panels)
-    pictures = drawn(device, world, replace(WALL, panels=dim).select("wall/*,0"), OnSurface("cover"))
-    bright = drawn(device, world, WALL.select("wall/*,0"), OnSurface("cover"))
+    dim = tuple(replace(panel, gain=0.5) if panel.name == "wall/1,0" else panel for panel in SMALL.panels)
+    pictures = drawn(device, world, replace(SMALL, panels=dim).select("wall/*,0"), OnSurface("cover"))
+    bright = drawn(device, world, SMALL.select("wall/*,0"), OnSurface("cover"))
     assert set(pictures) == {f"wall/{column},0" for column in range(3)}
     np.testing.assert_array_equal(pictures["wall/0,0"], bright["wall/0,0"])
     assert pictures["wall/1,0"].mean() < 0.85 * bright["wall/1,0"].mean()
@@ -144,6 +159,9 @@ def test_through_lenses_panels_end_at_their_outlines(device: Any, world: Path) -
 
 def test_every_quilt_tells_its_own_panels(device: Any, world: Path) -> None:
     for placement in PLACEMENTS.values():
-        with limen.open(world) as image, Renderer(device, WALL, [ImageLayer(image, placement, FULL)]) as renderer:  # type: ignore[union-attr]
+        with (
+            limen.open(world) as image,
+            Renderer(device, SMALL, [ImageLayer(image, placement, FULL)], gpu_bytes=MEMORY) as renderer,
+        ):  # type: ignore[union-attr]
             reports = [report for *_, report in renderer.pictures(frame_of(renderer, VIEWER), by="quilts")]
         assert [row_of(report).panels_active for report in reports] == [3, 3]

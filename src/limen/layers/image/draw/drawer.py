@@ -252,16 +252,17 @@ class _Stage:
         }
         storage = {"buffer": {"type": "read-only-storage"}}
         entries = [{"binding": _NUMBERS[name], "visibility": both, **kinds.get(name, storage)} for name in self._names]
-        return self._device.wgpu.create_bind_group_layout(entries=entries)
+        return self._device.kept("create_bind_group_layout", entries=entries)
 
     def _pipeline(self, target_format: str, overlay: str, turned: bool, deep: bool) -> Any:
         colours: dict[str, Any] = {"format": target_format}
         # What is seen through lenses lies over what would be seen without them.
         if overlay != "exact" and self._kind != "lens":
             colours["blend"] = {"color": _OVER, "alpha": {**_OVER, "src_factor": "one"}}
-        return self._device.wgpu.create_render_pipeline(
+        return self._device.kept(
+            "create_render_pipeline",
             label=f"image {self._kind}",
-            layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+            layout=self._device.kept("create_pipeline_layout", bind_group_layouts=[self._layout]),
             vertex={"module": self._shader, "entry_point": f"{self._kind}_vertex"},
             primitive={"topology": "triangle-list" if self._kind == "lens" else "triangle-strip"},
             depth_stencil=_WHERE_NOTHING_IS if deep else None,

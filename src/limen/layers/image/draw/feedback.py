@@ -63,9 +63,10 @@ class Feedback:
         self._waiting: list[tuple[Any, Any]] = []  # (buffer, promise), oldest first
         self._latest: Coverage | None = None
         self._layout = self._bind_group_layout()
-        self._pipeline = device.wgpu.create_compute_pipeline(
+        self._pipeline = device.kept(
+            "create_compute_pipeline",
             label="feedback",
-            layout=device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+            layout=device.kept("create_pipeline_layout", bind_group_layouts=[self._layout]),
             compute={"module": load_shader(device, "limen.layers.image.draw", "image.wgsl"), "entry_point": "feedback"},
         )
 
@@ -175,4 +176,4 @@ class Feedback:
             }
             for name, number in _NUMBERS.items()
         ]
-        return self._device.wgpu.create_bind_group_layout(entries=entries)
+        return self._device.kept("create_bind_group_layout", entries=entries)

@@ -149,27 +149,28 @@ class LensMesh:
         return self._device.wgpu.create_bind_group(layout=self._layouts[0], entries=entries)
 
     def _make_pipelines(self) -> None:
-        gpu, compute = self._device.wgpu, wgpu.ShaderStage.COMPUTE
+        kept, compute = self._device.kept, wgpu.ShaderStage.COMPUTE
         kinds = {"frame": "uniform"} | dict.fromkeys(_READ_WRITE, "storage")
         entries: list[dict[str, Any]] = [
             {"binding": _NUMBERS[name], "visibility": compute, "buffer": {"type": kinds.get(name, "read-only-storage")}}
             for name in self._names
         ]
-        self._layouts = [gpu.create_bind_group_layout(entries=entries)]
+        self._layouts = [kept("create_bind_group_layout", entries=entries)]
         names = ["lens_wishes", "lens_counts", "lens_triangles"]
         if self._split is not None:
             uniform = {"type": "uniform", "has_dynamic_offset": True}
             self._layouts.append(
-                gpu.create_bind_group_layout(entries=[{"binding": 0, "visibility": compute, "buffer": uniform}])
+                kept("create_bind_group_layout", entries=[{"binding": 0, "visibility": compute, "buffer": uniform}])
             )
             self._steps = self._step_group()
             names = ["lens_survey", "lens_split", "lens_split_counts", "lens_split_triangles"]
         constants = _constants(self.tessellation) | {"FINEST": self._halvings}
         for name in names:
             layouts = self._layouts if name == "lens_split" else self._layouts[:1]
-            self._pipelines[name] = gpu.create_compute_pipeline(
+            self._pipelines[name] = kept(
+                "create_compute_pipeline",
                 label=name,
-                layout=gpu.create_pipeline_layout(bind_group_layouts=layouts),
+                layout=kept("create_pipeline_layout", bind_group_layouts=layouts),
                 compute={"module": self._shader, "entry_point": name, "constants": constants},
             )
 

@@ -179,19 +179,21 @@ class MeshDrawer:
         }
         storage = {"buffer": {"type": "read-only-storage"}}
         both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
-        return self._device.wgpu.create_bind_group_layout(
+        return self._device.kept(
+            "create_bind_group_layout",
             entries=[
                 {"binding": number, "visibility": both, **kinds.get(name, storage)} for name, number in _NUMBERS.items()
-            ]
+            ],
         )
 
     def _pipeline(self, target_format: str, overlay: str) -> Any:
         key = (target_format, overlay)
         if key not in self._pipelines:
             entry = ("" if self._clips else "cut_") + "picture" + ("_deep" if self._depth == "shared" else "")
-            self._pipelines[key] = self._device.wgpu.create_render_pipeline(
+            self._pipelines[key] = self._device.kept(
+                "create_render_pipeline",
                 label=entry,
-                layout=self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layout]),
+                layout=self._device.kept("create_pipeline_layout", bind_group_layouts=[self._layout]),
                 vertex={
                     "module": self._vertices,
                     "entry_point": "vertex",

@@ -102,9 +102,10 @@ class Sorter:
         module = load_shader(device, self.package, self.shader)
         self._layouts = {step: self._layout(names) for step, names in self.steps.items()}
         self._pipelines = {
-            step: device.wgpu.create_compute_pipeline(
+            step: device.kept(
+                "create_compute_pipeline",
                 label=step,
-                layout=device.wgpu.create_pipeline_layout(bind_group_layouts=[layout]),
+                layout=device.kept("create_pipeline_layout", bind_group_layouts=[layout]),
                 compute={"module": module, "entry_point": step},
             )
             for step, layout in self._layouts.items()
@@ -254,7 +255,8 @@ class Sorter:
         def kind(name: str) -> str:
             return "uniform" if name == "frame" else "storage" if name in self.written else "read-only-storage"
 
-        return self.device.wgpu.create_bind_group_layout(
+        return self.device.kept(
+            "create_bind_group_layout",
             entries=[
                 {
                     "binding": self.bindings.index(name),
@@ -262,7 +264,7 @@ class Sorter:
                     "buffer": {"type": kind(name)},
                 }
                 for name in names
-            ]
+            ],
         )
 
 

@@ -247,7 +247,8 @@ class PointsDrawer:
         drawn = not set(names) & set(_WRITTEN)
         seen = stage.VERTEX | stage.FRAGMENT if drawn else stage.COMPUTE
         kinds = {"cloud": "uniform", **dict.fromkeys(_WRITTEN, "storage")}
-        return self._device.wgpu.create_bind_group_layout(
+        return self._device.kept(
+            "create_bind_group_layout",
             entries=[
                 {
                     "binding": _NUMBERS[name],
@@ -255,18 +256,19 @@ class PointsDrawer:
                     "buffer": {"type": kinds.get(name, "read-only-storage")},
                 }
                 for name in names
-            ]
+            ],
         )
 
     def _pipeline_layout(self, step: str) -> Any:
-        return self._device.wgpu.create_pipeline_layout(bind_group_layouts=[self._layouts[step]])
+        return self._device.kept("create_pipeline_layout", bind_group_layouts=[self._layouts[step]])
 
     def _compute_pipeline(self, step: str) -> Any:
         if (step,) not in self._pipelines:
             wide = step == "nearest_wide"
             module = load_shader(self._device, "limen.layers.points.draw", "points_wide.wgsl") if wide else self._shader
             constants = {} if step == "place" else {"ROUND": self._round}
-            self._pipelines[step,] = self._device.wgpu.create_compute_pipeline(
+            self._pipelines[step,] = self._device.kept(
+                "create_compute_pipeline",
                 label=step,
                 layout=self._pipeline_layout(step),
                 compute={"module": module, "entry_point": step, "constants": constants},
@@ -275,7 +277,8 @@ class PointsDrawer:
 
     def _quad_pipeline(self) -> Any:
         if ("quad",) not in self._pipelines:
-            self._pipelines["quad",] = self._device.wgpu.create_render_pipeline(
+            self._pipelines["quad",] = self._device.kept(
+                "create_render_pipeline",
                 label="points quads",
                 layout=self._pipeline_layout("quad"),
                 vertex={"module": self._shader, "entry_point": "quad"},
@@ -295,7 +298,8 @@ class PointsDrawer:
         key = ("colour", target_format, overlay, deep)
         if key not in self._pipelines:
             tested = {"format": DEPTH_FORMAT, "depth_write_enabled": True, "depth_compare": "greater"}
-            self._pipelines[key] = self._device.wgpu.create_render_pipeline(
+            self._pipelines[key] = self._device.kept(
+                "create_render_pipeline",
                 label="points colour",
                 layout=self._pipeline_layout("colour"),
                 vertex={"module": self._shader, "entry_point": "whole"},

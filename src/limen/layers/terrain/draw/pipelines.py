@@ -54,8 +54,9 @@ class TerrainPipelines:
             load_shader(device, "limen.layers.terrain.draw", "terrain_clip.wgsl") if self._clips else self._fragments
         )
         self.layout = self._bind_group_layout()
-        self.depth_layout = device.wgpu.create_bind_group_layout(
-            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": SAMPLED_DEPTH}]
+        self.depth_layout = device.kept(
+            "create_bind_group_layout",
+            entries=[{"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "texture": SAMPLED_DEPTH}],
         )
         self._made: dict[tuple[Any, ...], Any] = {}
 
@@ -92,7 +93,8 @@ class TerrainPipelines:
             elif self.attaches_depth:
                 tested = {"format": DEPTH_FORMAT, "depth_write_enabled": False, "depth_compare": "less"}
             entry = "picture_deep" if deep else "picture" if self.attaches_depth else "picture_alone"
-            self._made[key] = self._device.wgpu.create_render_pipeline(
+            self._made[key] = self._device.kept(
+                "create_render_pipeline",
                 label="terrain",
                 layout=self._layout([self.layout, self.depth_layout]),
                 vertex={"module": self._fragments, "entry_point": "outline", "buffers": []},
@@ -104,7 +106,8 @@ class TerrainPipelines:
 
     def _kept(self, key: tuple[Any, ...], vertex: str, fragment: dict[str, Any] | None) -> Any:
         if key not in self._made:
-            self._made[key] = self._device.wgpu.create_render_pipeline(
+            self._made[key] = self._device.kept(
+                "create_render_pipeline",
                 label="terrain",
                 layout=self._layout([self.layout]),
                 vertex={"module": self._vertices, "entry_point": vertex, "buffers": [_VERTICES]},
@@ -119,7 +122,7 @@ class TerrainPipelines:
         return {"module": self._fragments, "entry_point": entry, "constants": constants, "targets": targets}
 
     def _layout(self, groups: list[Any]) -> Any:
-        return self._device.wgpu.create_pipeline_layout(bind_group_layouts=groups)
+        return self._device.kept("create_pipeline_layout", bind_group_layouts=groups)
 
     def clear(self) -> None:
         self._made.clear()
@@ -134,6 +137,7 @@ class TerrainPipelines:
             "bilinear": {"sampler": {"type": "filtering"}},
         }  # fmt: skip
         both = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
-        return self._device.wgpu.create_bind_group_layout(
-            entries=[{"binding": number, "visibility": both, **kinds[name]} for name, number in BINDINGS.items()]
+        return self._device.kept(
+            "create_bind_group_layout",
+            entries=[{"binding": number, "visibility": both, **kinds[name]} for name, number in BINDINGS.items()],
         )
