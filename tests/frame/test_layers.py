@@ -215,9 +215,9 @@ def test_each_layer_has_a_row_of_its_own(device: Any, contents: Contents) -> Non
 
 def test_the_memory_is_shared(device: Any, contents: Contents) -> None:
     """Of one budget for all: an image and a terrain take half of it each."""
-    with Renderer(device, WALL, [contents.layer("image")], gpu_bytes=1 << 28) as renderer:
+    with Renderer(device, WALL, [contents.layer("image")], gpu_bytes=1 << 26) as renderer:
         alone = renderer.layers and renderer._shown[0].resident[0].capacity
-    with Renderer(device, WALL, [contents.layer("image"), contents.layer("terrain")], gpu_bytes=1 << 28) as renderer:
+    with Renderer(device, WALL, [contents.layer("image"), contents.layer("terrain")], gpu_bytes=1 << 26) as renderer:
         shared = renderer._shown[0].resident[0].capacity
     assert 0.3 < shared / alone <= 0.5
 

@@ -33,27 +33,36 @@ def _counts() -> dict[str, int]:
      (3 * LAYER_BYTES, 675)],
 )  # fmt: skip
 def test_a_pool_holds_what_its_budget_allows(device: Any, budget: int, slots: int) -> None:
-    pool = PagePool(device, budget)
+    pool = PagePool(device, budget, 10_000)
     assert pool.slots == slots
     assert budget // 2 < pool.bytes <= budget
     assert pool.slots * PAGE_SIDE**2 * 4 <= pool.bytes
     pool.destroy()
 
 
+@pytest.mark.parametrize(
+    ("pages", "slots"), [(1, 15), (15, 15), (16, 45), (105, 105), (106, 225), (226, 450), (6 * 225, 7 * 225)]
+)
+def test_a_pool_holds_no_more_than_there_is(device: Any, pages: int, slots: int) -> None:
+    pool = PagePool(device, 20 * LAYER_BYTES, pages)
+    assert pool.slots == slots
+    pool.destroy()
+
+
 def test_a_pool_can_be_large(device: Any) -> None:
     """4,500 pages; software drivers commit memory only when a page is written."""
-    pool = PagePool(device, 20 * LAYER_BYTES)
+    pool = PagePool(device, 20 * LAYER_BYTES, 10_000)
     assert pool.slots == 4500
     pool.destroy()
 
 
 def test_too_small_a_budget_is_refused_with_the_least_that_works(device: Any) -> None:
     with pytest.raises(DeviceLimitError, match=r"give at least 8\.4 MB"):
-        PagePool(device, ROW_BYTES - 1)
+        PagePool(device, ROW_BYTES - 1, 1)
 
 
 def test_only_whole_pages_go_into_slots_that_exist(device: Any) -> None:
-    pool = PagePool(device, ROW_BYTES)
+    pool = PagePool(device, ROW_BYTES, 15)
     page = np.zeros((PAGE_SIDE, PAGE_SIDE, 4), np.uint8)
     with pytest.raises(ValueError, match="slot 15 is not in a pool of 15"):
         pool.write([Arrival(0, (15,), page)])
@@ -64,7 +73,7 @@ def test_only_whole_pages_go_into_slots_that_exist(device: Any) -> None:
 
 def test_destroying_a_pool_leaves_no_object(device: Any) -> None:
     before = _counts()
-    pool = PagePool(device, ROW_BYTES)
+    pool = PagePool(device, ROW_BYTES, 15)
     assert _counts() != before
     pool.write([Arrival(0, (3,), np.zeros((PAGE_SIDE, PAGE_SIDE, 4), np.uint8))])
     pool.destroy()

@@ -48,6 +48,8 @@ class PagePool:
     ----------
     budget_bytes
         How much GPU memory the pool may take; it takes as many whole layers as fit, or one of fewer rows.
+    pages
+        How many there are to be held: it takes no layer more. All of its memory is cleared before it is drawn from.
     format
         ``rgba8unorm-srgb`` for pictures, whose bytes are sRGB codes; ``rgba8unorm`` for bytes that are numbers.
 
@@ -57,19 +59,22 @@ class PagePool:
         If the budget is smaller than a row of pages or the adapter refuses the memory.
     """
 
-    def __init__(self, device: Device, budget_bytes: int, *, format: PageFormat = "rgba8unorm-srgb") -> None:
+    def __init__(
+        self, device: Device, budget_bytes: int, pages: int, *, format: PageFormat = "rgba8unorm-srgb"
+    ) -> None:
         fitting = [height for height in _HEIGHTS_PX if height * _LAYER_PX * 4 <= budget_bytes]
         if not fitting:
             needed = _HEIGHTS_PX[0] * _LAYER_PX * 4 / 1e6
             raise DeviceLimitError(
                 f"a page pool of {budget_bytes / 1e6:.1f} MB is too small: give at least {needed:.1f} MB"
             )
-        self.layer_px = (_LAYER_PX, fitting[-1])
-        layer_bytes = _LAYER_PX * fitting[-1] * 4
-        layers = min(budget_bytes // layer_bytes if fitting[-1] == _LAYER_PX else 1, device.max_layers)
-        if layers % 6 == 0:
-            layers -= 1  # OpenGL takes sixes of layers for cubes
-        self.slots = _COLUMNS * (fitting[-1] // PAGE_SIDE) * layers
+        height = next((each for each in fitting if _held(each) >= pages), fitting[-1])
+        self.layer_px = (_LAYER_PX, height)
+        layer_bytes, layers = _LAYER_PX * height * 4, 1
+        if height == _LAYER_PX:
+            layers = min(budget_bytes // layer_bytes, device.max_layers, _unlike_cubes(-(-pages // _held(height)), 1))
+        layers = _unlike_cubes(layers, -1)
+        self.slots = _held(height) * layers
         self.bytes = layers * layer_bytes
         self._queue = device.wgpu.queue
         self._texture = _texture(device, (*self.layer_px, max(layers, 2)), format)
@@ -97,6 +102,16 @@ class PagePool:
         layer, inside = divmod(slot, _COLUMNS * _COLUMNS)
         row, column = divmod(inside, _COLUMNS)
         return (column * PAGE_SIDE, row * PAGE_SIDE, layer)
+
+
+def _held(height_px: int) -> int:
+    """Pages in a layer."""
+    return _COLUMNS * (height_px // PAGE_SIDE)
+
+
+def _unlike_cubes(layers: int, step: int) -> int:
+    """OpenGL takes sixes of layers for cubes."""
+    return layers if layers % 6 else layers + step
 
 
 def _texture(device: Device, size: tuple[int, int, int], page_format: PageFormat) -> Any:

@@ -78,7 +78,7 @@ class ImageDrawer:
     """
 
     def __init__(self, device: Device, layer: ImageLayer, gpu_bytes: int) -> None:
-        self._device, self._pool = device, PagePool(device, gpu_bytes)
+        self._device, self._pool = device, PagePool(device, gpu_bytes, layer.image.pyramid.page_count)
         self.allocators = (Slots(self._pool.slots),)
         self._shader = load_shader(device, "limen.layers.image.draw", "lens_split.wgsl")
         kernel = {"KERNEL": _KERNELS[layer.sampling]}

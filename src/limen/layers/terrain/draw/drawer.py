@@ -69,7 +69,7 @@ class TerrainDrawer:
     layer
         What is shown, and how it looks.
     gpu_bytes
-        An eighth is for vertices, one for indices, the rest for pages, the same for each kind.
+        An eighth is for vertices, one for indices, the rest for pages, at most the same for each kind.
     clip
         Clip by distances where the adapter can; False cuts in the fragment stage, with the same picture.
 
@@ -86,8 +86,11 @@ class TerrainDrawer:
         self._device, self._ground, self._look, self._draped = device, ground, layer.look, layer.draped
         vertices, indices = gpu_bytes // 8 // records.VERTEX.itemsize, gpu_bytes // 8 // _INDEX_BYTES
         places = patch_ranges(ground, vertices, indices)
-        formats: list[PageFormat] = ["rgba8unorm", "rgba8unorm", *(["rgba8unorm-srgb"] if layer.draped else [])]  # type: ignore[list-item]
-        self._pools = [PagePool(device, gpu_bytes * 3 // 4 // len(formats), format=each) for each in formats]
+        sources: list[tuple[PageFormat, Any]] = [("rgba8unorm", ground.relief), ("rgba8unorm", ground.heights)]
+        if layer.draped is not None:
+            sources.append(("rgba8unorm-srgb", layer.draped.image))
+        each_bytes = gpu_bytes * 3 // 4 // len(sources)
+        self._pools = [PagePool(device, each_bytes, source.pyramid.page_count, format=form) for form, source in sources]
         self.allocators: tuple[Allocator, ...] = (places, *(Slots(pool.slots) for pool in self._pools))
         usage = wgpu.BufferUsage
         self._vertices = _buffer(device, "vertices", vertices * records.VERTEX.itemsize, usage.VERTEX)
