@@ -83,7 +83,7 @@ def test_points_are_made_told_and_made_ready(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["ingest", "p.laz", "p.tif"], "holds points"),
+        (["ingest", "p.laz", "p.tif"], "is a cloud of points"),
         (["ingest", "p.laz", "q.points", "--quality", "50"], "--quality"),
         (["sample", "points", "q.laz", "--aspect", "2"], "--size says how many points"),
         (["sample", "points", "q.xyz"], "ends in .las, .laz or .ply"),

@@ -153,8 +153,8 @@ ROWS: dict[str, dict[str, Row]] = {
 
 DOORS: dict[str, tuple[str, ...]] = {
     "demo": ("limen.cli.demo.run_demo",),
-    "sample": ("limen.data.sample_image", "limen.data.sample_mesh", "limen.data.sample_points"),
-    "ingest": ("limen.data.ingest", "limen.data.ingest_terrain"),
+    "sample": ("limen.data.opening.sample",),
+    "ingest": ("limen.data.opening.ingest",),
     "display": ("limen.cli.display._print",),
     "walk": ("limen.cli.walk.make_walk",),
     "bench": ("limen.cli.bench._measured",),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from limen.data.mesh.file import open_mesh
+from limen.data.mesh.opening import open_mesh
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.samples.mesh import sample_mesh, torus_knot
 from limen.layers.mesh.select import FoldTree

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +15,8 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
+
+    from limen.data.store.report import IngestReport
 
 __all__ = ["DEFAULT", "Common", "Output", "visible_from"]
 
@@ -34,6 +36,8 @@ class Common:
 
 
 DEFAULT = Common()
+_UNITS = {"_m": " m"}
+"""Of facts, by the end of their names."""
 
 
 class Output:
@@ -93,6 +97,23 @@ class Output:
             sys.stdout.write(msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n")
             sys.stdout.flush()
 
+    def facts(self, facts: Mapping[str, Any]) -> None:
+        """Lines of the result by their names (not with ``--json``); units are taken from how a name ends."""
+        for name, value in facts.items():
+            title, unit = next(
+                ((name.removesuffix(end), unit) for end, unit in _UNITS.items() if name.endswith(end)), (name, "")
+            )
+            self.line(f"  {title.replace('_', ' ')}: {_of_people(value)}{unit}")
+
+    def report(self, report: IngestReport, items: str) -> None:
+        """What was written, and what that took; ``items`` is what its size counts."""
+        self.result(report.flat())
+        self.line(
+            f"{report.path}: {_of_people(report.size)} {items}, {report.bytes:,} bytes, in {report.seconds:.1f} s with "
+            f"{report.peak_rss_mib:.0f} MiB"
+        )
+        self.facts(report.facts)
+
     @contextmanager
     def progress(self, what: str, total: float | None = None) -> Iterator[_Step]:
         """A progress bar on stderr: ``with out.progress("reading", n) as step: step(1)``."""
@@ -123,6 +144,16 @@ class _Step:
 
     def to(self, completed: float, total: float | None = None) -> None:
         self._bar.update(self._task, completed=completed, total=total)
+
+
+def _of_people(value: Any) -> str:
+    """
+    >>> _of_people(60048), _of_people((600, 400)), _of_people(0.03125), _of_people("none")
+    ('60,048', '600 x 400', '0.03125', 'none')
+    """
+    if isinstance(value, tuple):
+        return " x ".join(str(each) for each in value)
+    return f"{value:,}" if isinstance(value, int) else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def visible_from(distance_factor: float | None) -> str:

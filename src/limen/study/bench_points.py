@@ -127,12 +127,12 @@ def _ingested(path: Path, target: Path) -> Iterator[PeerRow]:
     seconds = time.perf_counter() - begin
     what, reader = f"{path.name}: reading alone", "laspy" if cloud.format.startswith("LAS") else "limen"
     yield PeerRow(what=what, peer=reader, value=read / seconds / 1e6, unit="million points/s")
-    report = ingest_points(path, target)
+    report, points = ingest_points(path, target), Points.open(target)
     for what, value, unit in (
-        ("made ready", report.size / report.seconds / 1e6, "million points/s"),
+        ("made ready", points.size / report.seconds / 1e6, "million points/s"),
         ("most anonymous memory", report.peak_rss_mib, "MiB"),
-        ("stored", report.bytes / report.size, "bytes/point"),
-        ("a chunk read", _chunk_ms(Points.open(target)), "ms"),
+        ("stored", report.bytes / points.size, "bytes/point"),
+        ("a chunk read", _chunk_ms(points), "ms"),
     ):
         yield PeerRow(what=f"{path.name}: {what}", peer="limen", value=value, unit=unit)
 

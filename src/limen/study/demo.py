@@ -266,7 +266,7 @@ def _sample(watch: Watch) -> Path:
     if not path.exists():
         gigapixels = width * height / 1e9
         with watch(f"making a sample image of {gigapixels:.2f} gigapixels (once)", 1.0) as step:
-            sample_image(path, gigapixels, SAMPLE_SEED, aspect=width / height, width_px=width, progress=_fraction(step))
+            sample_image(path, seed=SAMPLE_SEED, aspect=width / height, size=width, progress=_fraction(step))
     return path
 
 

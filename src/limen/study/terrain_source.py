@@ -12,8 +12,9 @@ import numpy as np
 import rasterio
 from rasterio.errors import RasterioError
 
+from limen.data.store.zarr_group import is_group_folder
 from limen.data.terrain.elevation import ElevationSource, PostRect
-from limen.data.terrain.file import Terrain, is_terrain_folder
+from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
 from limen.errors import InputError, StorageError
 from limen.study.triangulations import Posts
@@ -71,7 +72,7 @@ def prepared(content: MeasuredTerrain, sample_size: int, say: Say) -> Iterator[T
     InputError
         If the crop does not lie inside.
     """
-    if content.path is not None and is_terrain_folder(content.path):
+    if content.path is not None and is_group_folder(content.path):
         if content.crop:
             raise InputError(
                 f"{content.path}: --crop takes part of a raster of heights; name the DEM that it was made of"

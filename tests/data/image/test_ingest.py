@@ -37,7 +37,7 @@ def test_levels_equal_the_plain_linear_light_reference_to_the_code(tmp_path, mon
 
     monkeypatch.setattr(build, "JpegTiles", lambda *_: Stored())
     picture = noisy_picture(1403, 907)
-    limen.data.ingest(png(tmp_path / "a.png", picture), tmp_path / "a.tif", workers=3)
+    limen.data.ingest_image(png(tmp_path / "a.png", picture), tmp_path / "a.tif", workers=3)
     with tifffile.TiffFile(tmp_path / "a.tif") as tiff:
         stored = [page.asarray() for page in tiff.pages]
     assert np.array_equal(stored[0], picture)
@@ -69,7 +69,7 @@ def test_a_star_keeps_its_light_from_level_to_level() -> None:
 def test_the_result_is_read_alike_by_vips_tifffile_and_limen(tmp_path):
     picture = smooth_picture(1111, 777)
     report = limen.data.ingest(png(tmp_path / "a.png", picture), tmp_path / "a.tif")
-    assert (report.size, report.pixels) == ((1111, 777), 1111 * 777)
+    assert (report.size, report.facts["pixels"]) == ((1111, 777), 1111 * 777)
     assert report.bytes == (tmp_path / "a.tif").stat().st_size
     assert report.peak_rss_mib > 1
     with tifffile.TiffFile(tmp_path / "a.tif") as tiff, limen.data.open(tmp_path / "a.tif") as image:
@@ -214,7 +214,7 @@ def test_memory_is_bounded_by_the_width_not_the_size(tmp_path):
     tall.tiffsave(str(source), tile=True, tile_width=256, tile_height=256, compression="jpeg")
     before = limen.data.ingest(source, tmp_path / "warm.tif").peak_rss_mib
     report = limen.data.ingest(source, tmp_path / "b.tif")
-    assert report.pixels == 48_000_000
+    assert report.facts["pixels"] == 48_000_000
     # All texels would be 137 MiB; the rolling rows are a few MiB.
     assert report.peak_rss_mib - before < 60
 

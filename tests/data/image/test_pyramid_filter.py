@@ -10,8 +10,8 @@ import pytest
 import pyvips
 
 import limen
+from limen.data import ingest
 from limen.data.image.file import open_image
-from limen.data.image.ingest import ingest
 from limen.layers.common.page_detail import KEPT, plain_detail
 
 

@@ -19,9 +19,9 @@ from PIL import Image as Picture
 from scipy.spatial import KDTree
 
 import limen
-from limen.data.mesh.file import open_mesh
 from limen.data.mesh.mesh import NO_TEXTURE, Mesh
 from limen.data.mesh.mesh_type import mesh_type
+from limen.data.mesh.opening import open_mesh
 from limen.data.mesh.textures import as_layers
 from limen.data.samples.mesh import torus_knot
 from limen.errors import FormatError, MissingFileError
@@ -81,7 +81,7 @@ class Absent:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Absent())
 from pathlib import Path
-from limen.data.mesh.file import open_mesh
+from limen.data.mesh.opening import open_mesh
 from limen.display.meshfile import read_mesh
 from limen.errors import FormatError
 for path in map(Path, sys.argv[1:]):

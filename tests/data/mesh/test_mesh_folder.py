@@ -26,7 +26,7 @@ def made(request: Any, tmp_path_factory: Any) -> tuple[Path, Path]:
     sample_mesh(folder / request.param, 3000)
     report = ingest_mesh(folder / request.param, folder / "knot.mesh")
     assert report.size > 2900
-    assert report.nodes > report.vertices
+    assert report.facts["nodes"] > report.facts["vertices"]
     return folder / request.param, folder / "knot.mesh"
 
 

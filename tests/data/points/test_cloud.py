@@ -4,10 +4,10 @@ import laspy
 import numpy as np
 import pytest
 
-from limen.data import cloud_info
 from limen.data import open as open_content
 from limen.data.points.cloud import Stretch, open_cloud, stretch_of
 from limen.data.points.cloud_type import cloud_type, is_points
+from limen.data.points.info import cloud_info
 from limen.errors import FormatError, MissingFileError
 from support.cloud_files import CHANCE, PLACES, RGB, las, ply, vertices
 

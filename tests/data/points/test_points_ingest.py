@@ -36,7 +36,7 @@ def test_a_folder_holds_what_memory_does(tmp_path):
     done = []
     report = ingest_points(path, tmp_path / "s.points", progress=done.append)
     stored, built = Points.open(tmp_path / "s.points"), build_points(places, rgb)
-    assert (report.size, report.chunks, report.normals) == (9000, 3, "estimated")
+    assert (report.size, report.facts["chunks"], report.facts["normals"]) == (9000, 3, "estimated")
     assert done == sorted(done)
     assert done[-1] == 1.0
     for chunk in range(3):

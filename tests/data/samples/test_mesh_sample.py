@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.mesh.file import open_mesh
+from limen.data.mesh.opening import open_mesh
 from limen.data.samples.mesh import KNOT_TRIANGLES, ripple, sample_mesh, torus_knot
 from limen.errors import InputError
 
@@ -50,7 +50,7 @@ def test_what_is_written_is_read_back_and_is_the_same_twice(tmp_path: Path, name
     sample_mesh(tmp_path / f"again-{name}", 2000, seed=3)
     assert (tmp_path / name).read_bytes() == (tmp_path / f"again-{name}").read_bytes()
     found, made = open_mesh(tmp_path / name), torus_knot(2000, 3, textured=name == "a.glb")
-    assert (report.size, report.vertices) == (found.size, len(found.positions))
+    assert (report.size, report.facts["vertices"]) == (found.size, len(found.positions))
     assert report.bytes == (tmp_path / name).stat().st_size
     for field in ("positions", "normals", "uv"):
         np.testing.assert_allclose(getattr(found, field), getattr(made, field), atol=1e-6)

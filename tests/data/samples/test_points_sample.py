@@ -20,7 +20,7 @@ def test_the_same_bytes_on_every_run(tmp_path, ending):
     assert (one.size, one.bytes) == (other.size, other.bytes)
     third = sample_points(tmp_path / f"c.{ending}", 3000, seed=5)
     assert (tmp_path / f"a.{ending}").read_bytes() != (tmp_path / f"c.{ending}").read_bytes()
-    assert third.seed == 5
+    assert third.facts["seed"] == 5
 
 
 @pytest.mark.parametrize("ending", ["laz", "ply"])

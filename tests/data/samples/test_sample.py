@@ -34,7 +34,7 @@ def test_blocks_join_without_a_seam():
 
 def test_a_sample_is_a_pyramid_with_detail_at_every_level(tmp_path):
     done = []
-    report = limen.data.sample_image(tmp_path / "s.tif", width_px=3000, aspect=2.0, seed=3, progress=done.append)
+    report = limen.data.sample_image(tmp_path / "s.tif", size=3000, aspect=2.0, seed=3, progress=done.append)
     assert report.size == (3000, 1500)
     assert done[-1] == 1.0
     assert done == sorted(done)
@@ -47,20 +47,20 @@ def test_a_sample_is_a_pyramid_with_detail_at_every_level(tmp_path):
 
 def test_runs_are_equal_byte_for_byte(tmp_path):
     for name, workers in (("a", 1), ("b", 3)):
-        limen.data.sample_image(tmp_path / f"{name}.tif", width_px=900, aspect=1.5, seed=1, workers=workers)
+        limen.data.sample_image(tmp_path / f"{name}.tif", size=900, aspect=1.5, seed=1, workers=workers)
     assert (tmp_path / "a.tif").read_bytes() == (tmp_path / "b.tif").read_bytes()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (150, 2), (8, 700)])
 def test_extreme_shapes_can_be_drawn(tmp_path, size):
-    limen.data.sample_image(tmp_path / "s.tif", width_px=size[0], aspect=size[0] / size[1])
+    limen.data.sample_image(tmp_path / "s.tif", size=size[0], aspect=size[0] / size[1])
     with limen.data.open(tmp_path / "s.tif") as image:
         assert image.size_px == size
 
 
 def test_sizes_that_cannot_be_meant_are_refused(tmp_path):
     assert sample_size_px(0.25, 1.0) == (15811, 15811)
-    for wrong in ({"gigapixels": 0}, {"gigapixels": float("nan")}, {"aspect": 0}, {"width_px": 0}, {"seed": -1}):
+    for wrong in ({"gigapixels": 0}, {"gigapixels": float("nan")}, {"aspect": 0}, {"size": 0}, {"seed": -1}):
         with pytest.raises(InputError):
             limen.data.sample_image(tmp_path / "s.tif", **wrong)
     with pytest.raises(InputError):

@@ -130,7 +130,7 @@ def _heights(path: Path) -> NDArray[np.float64]:
     """
     import pyvips
 
-    from limen.data.image.vips import one_line
+    from limen.data.store.report import one_line
 
     if not path.exists():
         raise MissingFileError(f"--lens-heights {path}: there is no such file")

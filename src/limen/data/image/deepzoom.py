@@ -13,6 +13,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from limen.data.pages import PAGE
+from limen.data.store.report import one_line
 from limen.errors import FormatError
 
 __all__ = ["DeepZoomLevel", "open_deepzoom"]
@@ -67,7 +68,7 @@ def _decode(data: bytes) -> Texels:
             image = image.bandjoin(255)
         return np.ndarray(shape=(image.height, image.width, 4), dtype=np.uint8, buffer=image.write_to_memory())
     except (pyvips.Error, TypeError) as error:
-        raise ValueError(" ".join(str(error).split())) from error
+        raise ValueError(one_line(error)) from error
 
 
 def open_deepzoom(path: Path) -> list[DeepZoomLevel]:

@@ -30,6 +30,8 @@ from limen.data.image.tiff import TiffImage, TiffLevel
 from limen.data.image.tiles import ArrayLevel, DerivedLevel, TileLevel, read_rectangle
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.data.store.file_type import existing_file, is_tiff
+from limen.data.store.ingest import needs_ingest
+from limen.data.store.report import Description, amount, one_line
 from limen.data.store.tile_cache import CACHE_BYTES, TileCache
 from limen.errors import FormatError, NeedsIngestError, PageError
 
@@ -37,6 +39,7 @@ __all__ = [
     "LARGEST_IN_MEMORY_PX",
     "Image",
     "ImageInfo",
+    "image_info",
     "open_image",
     "unreadable_zstandard",
 ]
@@ -81,6 +84,29 @@ class ImageInfo(msgspec.Struct, frozen=True, kw_only=True):
     mean_page_bytes: float | None
     contrast: Literal["known", "not yet"]
     faint_share: list[float] | None
+
+    def described(self) -> Description:
+        (width, height), (tile_w, tile_h) = self.size, self.tile_px
+        facts = {
+            "size": f"{width} x {height} texels, {width * height / 1e9:.3f} gigapixels, {self.pages} pages of "
+            f"{self.page_px}",
+            "colour": self.colour,
+            "tiles": f"{tile_w} x {tile_h}, {'read in place' if self.in_place else 'decoded into memory'}; "
+            f"levels in the file: {len(self.file_levels)}",
+        }
+        if self.mean_page_bytes is not None:
+            facts["a page"] = f"{amount(self.mean_page_bytes)} at full resolution"
+        facts["contrast that finer levels add, over 32 x 32 texels"] = self.contrast
+        edge, columns = self.page_px, ["level", "texels", "pages"]
+        rows = [
+            [str(level), f"{w} x {h}", str(-(-w // edge) * -(-h // edge))] for level, (w, h) in enumerate(self.levels)
+        ]
+        if self.faint_share is not None:
+            columns.append("finer adds < 1 %")
+            for row, share in zip(rows[1:], self.faint_share, strict=True):
+                row.append(f"{100 * share:.1f} %")
+        stored = f"{self.format} ({self.compression}, {self.bits} bits), {amount(self.bytes)}"
+        return Description(stored, facts, columns=columns, rows=rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +174,7 @@ class Image:
         except (ValueError, OSError) as error:
             raise PageError(
                 f"{self.path}: the page at level {level}, column {column}, row {row} cannot be read "
-                f"({vips.one_line(error)}); copy the file again"
+                f"({one_line(error)}); copy the file again"
             ) from error
 
     def info(self) -> ImageInfo:
@@ -201,6 +227,12 @@ def open_image(path: str | Path, *, cache_bytes: int = CACHE_BYTES) -> Image:
     if is_tiff(path):
         return _open_tiff(path, cache_bytes)
     return _open_decoded(path, cache_bytes)
+
+
+def image_info(path: str | Path) -> ImageInfo:
+    """What an image is. Raises what `open_image` raises."""
+    with open_image(path) as image:
+        return image.info()
 
 
 def _page_levels(pyramid: Pyramid, stored: Sequence[TileLevel], cache: TileCache) -> list[TileLevel]:
@@ -275,7 +307,7 @@ def _assemble(
     gaps = [max(coarse.scale) / max(fine.scale) for fine, coarse in itertools.pairwise(levels)]
     if width * height > LARGEST_IN_MEMORY_PX or any(gap > _LARGEST_GAP for gap in gaps):
         why = "lacks the reduced levels that a picture of its size needs"
-        raise NeedsIngestError(_ingest_first(path, levels[0].size_px, why))
+        raise _needs_ingest(path, levels[0].size_px, why)
     complete: list[TileLevel] = list(levels)
     if width * height > _ON_DEMAND_PX:
         complete[-1:] = _in_memory(path, levels[-1])
@@ -288,7 +320,7 @@ def _in_memory(path: Path, level: TileLevel) -> list[TileLevel]:
     try:
         texels = read_rectangle(level, 0, TileCache(CACHE_BYTES), 0, 0, width, height)
     except (ValueError, OSError) as error:
-        why = vips.one_line(error)
+        why = one_line(error)
         raise FormatError(f"{path}: its coarsest level cannot be read ({why}); copy it again") from error
     reduced = vips.halvings(texels, len(Pyramid.of(level.size_px).levels) - 1)[1:]
     scales = ((level.scale[0] * 2.0**k, level.scale[1] * 2.0**k) for k in range(1, len(reduced) + 1))
@@ -298,12 +330,12 @@ def _in_memory(path: Path, level: TileLevel) -> list[TileLevel]:
 def _open_decoded(path: Path, cache_bytes: int) -> Image:
     image = vips.load(path, sequential=True)
     if image.width * image.height > LARGEST_IN_MEMORY_PX:
-        raise NeedsIngestError(_ingest_first(path, (image.width, image.height), "is too large to open in memory"))
+        raise _needs_ingest(path, (image.width, image.height), "is too large to open in memory")
     facts = _decoded_facts(image)
     try:
         texels = vips.texels_of(vips.to_srgb(image))
     except pyvips.Error as error:
-        why = vips.one_line(error)
+        why = one_line(error)
         raise FormatError(f"{path}: cannot be decoded, it is damaged or cut short ({why}); copy it again") from error
     arrays = vips.halvings(texels, len(Pyramid.of((image.width, image.height)).levels) - 1)
     levels = [ArrayLevel(part, (2.0**k, 2.0**k)) for k, part in enumerate(arrays)]
@@ -322,8 +354,5 @@ def unreadable_zstandard(path: Path, obstacle: str) -> str:
     return f"{path}: Zstandard TIFF with {obstacle} cannot be read; export it with another compression"
 
 
-def _ingest_first(path: Path, size_px: tuple[int, int], why: str) -> str:
-    name = f'"{path}"' if " " in str(path) else str(path)
-    target = path.with_name(path.stem + ".pyramid.tif")
-    wanted = f'"{target}"' if " " in str(target) else str(target)
-    return f"{path}: {size_px[0]} x {size_px[1]} texels; it {why}; make it ready with: limen ingest {name} {wanted}"
+def _needs_ingest(path: Path, size_px: tuple[int, int], why: str) -> NeedsIngestError:
+    return needs_ingest(path, f"{size_px[0]} x {size_px[1]} texels; it {why}", ".pyramid.tif")

@@ -1,18 +1,16 @@
-"""``ingest``: any image that can be read becomes a tiled, pyramidal BigTIFF, in bounded memory and in one pass."""
+"""``ingest_image``: any image that is read becomes a tiled, pyramidal BigTIFF, in bounded memory and in one pass."""
 
 from __future__ import annotations
 
 import itertools
 import os
-import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-import msgspec
 import numpy as np
 import pyvips
 from numpy.typing import NDArray
@@ -26,32 +24,18 @@ from limen.data.image.tiff import TiffImage
 from limen.data.image.tiles import TileLevel
 from limen.data.pages import Pyramid
 from limen.data.store.file_type import existing_file, is_tiff
+from limen.data.store.ingest import Progress
 from limen.data.store.memory import Footprint
+from limen.data.store.report import IngestReport, one_line
 from limen.errors import FormatError, InputError
 from limen.system import worker_count
 
-__all__ = ["IngestReport", "ingest"]
+__all__ = ["ingest_image"]
 
 Texels = NDArray[np.uint8]
-Progress = Callable[[float], None]
 
 _ROWS_AT_ONCE = 128
 """Rows that are read ahead while those before are compressed."""
-
-
-class IngestReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``ingest`` did.
-
-    ``peak_rss_mib`` is the process's peak of anonymous resident memory: mapped files are not its own.
-    """
-
-    path: str
-    seconds: float
-    peak_rss_mib: float
-    size: tuple[int, int]
-    pixels: int
-    bytes: int
-    pages: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +47,7 @@ class _Source:
     rows: Generator[Texels, None, None]
 
 
-def ingest(
+def ingest_image(
     src: str | Path,
     dst: str | Path,
     *,
@@ -83,8 +67,7 @@ def ingest(
     _check_target(src, dst)
     if not 1 <= quality <= 100 or subsampling not in ("444", "422", "420"):
         raise InputError(f"quality {quality} must lie in 1 to 100 and subsampling {subsampling!r} be 444, 422 or 420")
-    begin = time.perf_counter()
-    with Footprint() as footprint, ExitStack() as stack:
+    with Footprint() as used, ExitStack() as stack:
         pool = stack.enter_context(ThreadPoolExecutor(workers or worker_count(), thread_name_prefix="limen-read"))
         source = _open_source(src, stack, pool)
         stack.enter_context(closing(source.rows))
@@ -97,15 +80,8 @@ def ingest(
             if done != source.size_px[1]:
                 raise FormatError(f"{src}: ends after {done} of {source.size_px[1]} rows; copy it again")
     width, height = source.size_px
-    return IngestReport(
-        path=str(dst),
-        seconds=round(time.perf_counter() - begin, 3),
-        peak_rss_mib=round(footprint.peak_mib, 1),
-        size=source.size_px,
-        pixels=width * height,
-        bytes=dst.stat().st_size,
-        pages=Pyramid.of(source.size_px).page_count,
-    )
+    pages = Pyramid.of(source.size_px).page_count
+    return IngestReport.of("image", dst, used, size=source.size_px, pixels=width * height, pages=pages)
 
 
 def _check_target(src: Path, dst: Path) -> None:
@@ -148,7 +124,7 @@ def _is_opaque(path: Path, level: TileLevel) -> bool:
     try:
         return bool((level.decode(0, 0)[..., 3] == 255).all())
     except (ValueError, OSError) as error:
-        raise FormatError(f"{path}: its first tile cannot be read ({vips.one_line(error)}); copy it again") from error
+        raise FormatError(f"{path}: its first tile cannot be read ({one_line(error)}); copy it again") from error
 
 
 def _vips_rows(path: Path, image: pyvips.Image) -> Generator[Texels, None, None]:
@@ -169,8 +145,7 @@ def _vips_rows(path: Path, image: pyvips.Image) -> Generator[Texels, None, None]
         problem = running.exception()
     if isinstance(problem, pyvips.Error) and y + _ROWS_AT_ONCE < height:
         raise FormatError(
-            f"{path}: cannot be decoded beyond row {y}, it is damaged or cut short "
-            f"({vips.one_line(problem)}); copy it again"
+            f"{path}: cannot be decoded beyond row {y}, it is damaged or cut short ({one_line(problem)}); copy it again"
         ) from problem
 
 
@@ -212,8 +187,7 @@ def _tile_rows(path: Path, level: TileLevel, bands: int, pool: ThreadPoolExecuto
                 tile = level.decode(column, row)
             except (ValueError, OSError) as error:
                 raise FormatError(
-                    f"{path}: the tile in column {column}, row {row} cannot be read "
-                    f"({vips.one_line(error)}); copy it again"
+                    f"{path}: the tile in column {column}, row {row} cannot be read ({one_line(error)}); copy it again"
                 ) from error
             y, x = row * tile_h - top, column * tile_w
             block[y : y + tile.shape[0], x : x + tile.shape[1]] = tile[..., :bands]
@@ -233,4 +207,4 @@ def _converted(path: Path, blocks: Iterator[Texels], profile: bytes) -> Generato
         try:
             yield vips.texels_of(vips.to_srgb(image))
         except pyvips.Error as error:
-            raise FormatError(f"{path}: its colour profile cannot be applied ({vips.one_line(error)})") from error
+            raise FormatError(f"{path}: its colour profile cannot be applied ({one_line(error)})") from error

@@ -10,7 +10,6 @@ will be drawn, JPEG's artefacts included. Doing so while rows pass would hold fo
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
@@ -24,7 +23,7 @@ from limen.data.image.contrast_file import write_contrast
 from limen.data.image.file import open_image
 from limen.data.image.halving_kernels import HALO, halve_rows
 from limen.data.pages import PAGE, Pyramid
-from limen.data.store.atomic import is_disk_full
+from limen.data.store.ingest import Progress
 from limen.data.store.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import StorageError
 from limen.system import worker_count
@@ -58,7 +57,7 @@ class PyramidWriter:
         coder: TileCoder,
         *,
         workers: int | None = None,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress | None = None,
     ) -> None:
         self.path = path
         self._progress = progress or (lambda _: None)
@@ -84,11 +83,12 @@ class PyramidWriter:
             raise error
         try:
             self._tiff.__exit__(kind, error, trace)
-        except OSError as problem:
-            self._explain(problem)
-            raise
-        if isinstance(error, OSError):
-            self._explain(error)
+        except StorageError as full:
+            needed = int(self.bytes_written * self.pyramid.size_px[1] / max(self._rows_done, 1))
+            raise StorageError(
+                f"{self.path}: the disk is full; about {needed:,} bytes are needed in {self.path.parent} "
+                f"({self.bytes_written:,} were written and are removed again)"
+            ) from full.__cause__
         if kind is None:
             write_contrast(self.path, self.pyramid, self._contrast)
 
@@ -119,15 +119,6 @@ class PyramidWriter:
     @property
     def bytes_written(self) -> int:
         return self._tiff.bytes_written
-
-    def _explain(self, error: OSError) -> None:
-        if is_disk_full(error):
-            done = max(self._rows_done, 1) / self.pyramid.size_px[1]
-            needed = int(self.bytes_written / done)
-            raise StorageError(
-                f"{self.path}: the disk is full; about {needed:,} bytes are needed in {self.path.parent} "
-                f"({self.bytes_written:,} were written and are removed again)"
-            ) from error
 
 
 class _LevelRows:

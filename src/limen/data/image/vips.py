@@ -9,16 +9,13 @@ import numpy as np
 import pyvips
 from numpy.typing import NDArray
 
+from limen.data.store.report import one_line
 from limen.data.store.resample import LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import FormatError
 
-__all__ = ["halvings", "load", "one_line", "profile_name", "texels_of", "to_srgb"]
+__all__ = ["halvings", "load", "profile_name", "texels_of", "to_srgb"]
 
 Texels = NDArray[np.uint8]
-
-
-def one_line(error: Exception) -> str:
-    return "; ".join(part.strip() for part in str(error).splitlines() if part.strip())
 
 
 def load(path: Path, *, sequential: bool) -> pyvips.Image:

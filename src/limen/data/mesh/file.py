@@ -21,11 +21,12 @@ from limen.data.mesh.mesh import NO_TEXTURE, Mesh, smooth_normals, weld_numbers
 from limen.data.mesh.mesh_type import MESH_SUFFIXES, mesh_type
 from limen.data.mesh.textures import Texels, as_layers, rgba_of
 from limen.data.store.file_type import existing_file
+from limen.data.store.report import one_line
 from limen.data.store.resample import linear_of_srgb, srgb_of_linear
 from limen.display.meshfile import INSTALL_3MF
 from limen.errors import FormatError
 
-__all__ = ["open_mesh"]
+__all__ = ["read_mesh"]
 
 Floats = NDArray[np.float64]
 
@@ -53,16 +54,8 @@ class _Part:
     opaque: bool
 
 
-def open_mesh(path: str | Path) -> Mesh:
-    """Read a mesh: PLY, OBJ with its materials, glTF, GLB, STL, OFF, 3MF and what else trimesh reads.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    FormatError
-        If it is no mesh, broken, a point cloud, or holds positions that are not finite; the message names the file.
-    """
+def read_mesh(path: str | Path) -> Mesh:
+    """Read a mesh: what `limen.data.mesh.opening.open_mesh` opens but for a folder, raising what it does."""
     path = existing_file(path)
     kind = mesh_type(path)
     if kind is None:
@@ -95,8 +88,9 @@ def _read(path: Path, kind: str) -> list[_Part]:
             cure = INSTALL_3MF
         raise FormatError(f"{path}: {kind} files cannot be read here; {cure}") from error
     except Exception as error:  # trimesh promises nothing about what its readers raise
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise FormatError(f"{path}: cannot be read as {kind}: {reason[:200]}; export or copy it again") from error
+        raise FormatError(
+            f"{path}: cannot be read as {kind}: {one_line(error)[:200]}; export or copy it again"
+        ) from error
 
 
 def _check_length(path: Path, kind: str) -> None:

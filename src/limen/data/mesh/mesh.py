@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from limen.data.store.report import Description, amount, spans
 from limen.errors import FormatError
 
 __all__ = ["NO_TEXTURE", "Mesh", "MeshInfo", "smooth_normals", "weld_numbers"]
@@ -51,6 +52,18 @@ class MeshInfo(msgspec.Struct, frozen=True, kw_only=True):
     """Width and height, the same of all."""
     bytes: int
     """Of the arrays in memory."""
+
+    def described(self) -> Description:
+        width, height = self.texture_px or (0, 0)
+        textures = (
+            f"{self.textures}, kept as {width} x {height} texels" if self.textures else "none; colours of vertices"
+        )
+        return Description(
+            f"{amount(self.bytes)} in memory",
+            {"size": f"{self.size:,} triangles, {self.vertices:,} vertices"}
+            | spans(self.bounds, 6, "the file's unit")
+            | {"textures": textures},
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,6 @@ ends with a checksum (CRC-32C).
 from __future__ import annotations
 
 import contextlib
-import time
 from pathlib import Path
 from typing import Any
 
@@ -20,25 +19,19 @@ import msgspec
 import numpy as np
 import zarr
 
-from limen.data.mesh.file import open_mesh
+from limen.data.mesh.file import read_mesh
 from limen.data.mesh.mesh import Mesh
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.mesh.vertex_tree import MASK_WORDS, VertexTree
-from limen.data.store.atomic import PartialFolder, is_disk_full
+from limen.data.store.atomic import PartialFolder
+from limen.data.store.ingest import Progress, new_folder
 from limen.data.store.memory import Footprint
-from limen.data.store.zarr_group import (
-    checked_header,
-    create_table,
-    is_group_folder,
-    is_made_of,
-    opening,
-    seal,
-    table_of,
-)
-from limen.errors import FormatError, InputError, MissingFileError, StorageError
+from limen.data.store.report import IngestReport
+from limen.data.store.zarr_group import checked_header, create_table, is_made_of, opening, seal, table_of
+from limen.errors import FormatError, MissingFileError
 from limen.system import place_in_cache
 
-__all__ = ["MeshReport", "ingest_mesh", "open_mesh_folder", "tree_of"]
+__all__ = ["ingest_mesh", "open_mesh_folder", "tree_of"]
 
 _VERSION = 1
 _DECIDES = ("positions", "triangles", "normals", "colours", "uv", "layers", "textures")
@@ -54,6 +47,9 @@ _NO_INNER_NODES: dict[str, Any] = {
     "mask": np.zeros((0, MASK_WORDS), np.uint64),
 }
 """Arrays of no length are not stored."""
+
+_READ, _BUILT = 0.1, 0.9
+"""Of the time until a mesh is made ready, about, when it was read and when its tree is built."""
 
 _WORTH_KEEPING = 150_000
 """Triangles from which on a tree is kept in the cache: below, it is made in less time than half a second."""
@@ -75,42 +71,23 @@ class MeshHeader(msgspec.Struct, frozen=True, kw_only=True):
     source: MeshSource | None = None
 
 
-class MeshReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``ingest_mesh`` did; ``size`` is the number of triangles.
-
-    ``peak_rss_mib`` is the process's peak of anonymous resident memory: mapped files are not its own.
-    """
-
-    path: str
-    seconds: float
-    peak_rss_mib: float
-    size: int
-    vertices: int
-    nodes: int
-    bytes: int
-
-
-def ingest_mesh(src: str | Path, dst: str | Path) -> MeshReport:
+def ingest_mesh(src: str | Path, dst: str | Path, *, progress: Progress | None = None) -> IngestReport:
     """Make a mesh ready, with its vertex tree, in a folder ``dst`` that ends in ``.mesh``.
 
-    ``dst`` appears, or is replaced, only when all is written; on any error nothing is left behind. Raises
-    MissingFileError, FormatError (``src`` is no mesh, or damaged), InputError (``dst`` is something else already),
-    StorageError.
+    ``progress`` is called with the fraction done, 0 ... 1. ``dst`` appears, or is replaced, only when all is written;
+    on any error nothing is left behind. Raises MissingFileError, FormatError (``src`` is no mesh, or damaged),
+    InputError (``dst`` is something else already), StorageError.
     """
-    src, dst = Path(src), Path(dst)
-    if dst.suffix.lower() != ".mesh":
-        raise InputError(f"{dst}: the result is a folder of a mesh; give it a name that ends in .mesh")
-    if dst.exists() and not is_group_folder(dst):
-        raise InputError(f"{dst}: is there already, and no mesh made ready; remove it, or name another")
-    begin = time.perf_counter()
-    with Footprint() as footprint:
-        mesh = open_mesh(src)
+    src, dst, tell = Path(src), Path(dst), progress or (lambda _: None)
+    with Footprint() as used, new_folder(dst, ".mesh", "a mesh") as folder:
+        mesh = read_mesh(src)
+        tell(_READ)
         tree = build_vertex_tree(mesh)
-        size = _write(dst, mesh, tree, _source_of(src))
-    return MeshReport(
-        path=str(dst), seconds=round(time.perf_counter() - begin, 3), peak_rss_mib=round(footprint.peak_mib, 1),
-        size=mesh.size, vertices=tree.vertices, nodes=len(tree.position), bytes=size,
-    )  # fmt: skip
+        tell(_BUILT)
+        size = _write(folder, mesh, tree, _source_of(src))
+    tell(1.0)
+    nodes = len(tree.position)
+    return IngestReport.of("mesh", dst, used, size=mesh.size, bytes=size, vertices=tree.vertices, nodes=nodes)
 
 
 def open_mesh_folder(path: str | Path) -> Mesh:
@@ -146,8 +123,8 @@ def tree_of(mesh: Mesh) -> VertexTree:
     except (FormatError, MissingFileError):
         pass
     tree = build_vertex_tree(mesh)
-    with contextlib.suppress(StorageError, MissingFileError):
-        _write(place, mesh, tree, _source_of(mesh.path))
+    with contextlib.suppress(OSError), PartialFolder(place) as folder:
+        _write(folder, mesh, tree, _source_of(mesh.path))
     return tree
 
 
@@ -172,18 +149,13 @@ def _read_tree(path: Path, mesh: Mesh) -> VertexTree | None:
     return VertexTree(triangles=mesh.triangles, **{**_NO_INNER_NODES, **held})
 
 
-def _write(path: Path, mesh: Mesh, tree: VertexTree, source: MeshSource) -> int:
-    """Write all or nothing; bytes."""
+def _write(folder: Path, mesh: Mesh, tree: VertexTree, source: MeshSource) -> int:
+    """Fill a folder; its bytes."""
     header = MeshHeader(triangles=mesh.size, vertices=tree.vertices, nodes=len(tree.position), source=source)
-    with PartialFolder(path) as folder:
-        try:
-            group = zarr.open_group(folder, mode="w", zarr_format=3, attributes={"limen": msgspec.to_builtins(header)})
-            tables = {f"mesh/{name}": getattr(mesh, name) for name in _MESH}
-            tables |= {f"tree/{name}": getattr(tree, name) for name in _TREE}
-            for name, table in tables.items():
-                if table is not None and table.size:
-                    create_table(group, name, table)
-        except OSError as error:
-            cure = "free some space" if is_disk_full(error) else "choose another place"
-            raise StorageError(f"{path}: cannot be written: {error.strerror or error}; {cure}") from error
-        return seal(folder)
+    group = zarr.open_group(folder, mode="w", zarr_format=3, attributes={"limen": msgspec.to_builtins(header)})
+    tables = {f"mesh/{name}": getattr(mesh, name) for name in _MESH}
+    tables |= {f"tree/{name}": getattr(tree, name) for name in _TREE}
+    for name, table in tables.items():
+        if table is not None and table.size:
+            create_table(group, name, table)
+    return seal(folder)

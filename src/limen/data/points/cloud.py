@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from limen.data.points.cloud_type import cloud_type
 from limen.data.store.file_type import existing_file
+from limen.data.store.report import one_line
 from limen.errors import FormatError
 from limen.geometry import Floats
 
-__all__ = ["Batch", "Cloud", "Stretch", "open_cloud", "reading_cloud", "stretch_of"]
+__all__ = ["Batch", "Cloud", "Stretch", "open_cloud", "reading_cloud", "stretch_of", "unreadable_cloud"]
 
 
 _BATCH = 1_000_000
@@ -126,7 +127,12 @@ def open_cloud(path: str | Path) -> Cloud:
     raise FormatError(f"{path}: is no cloud of points; name a LAS, LAZ, COPC, E57, or a PLY without faces")
 
 
+def unreadable_cloud(path: Path, name: str, error: BaseException) -> FormatError:
+    """What to raise where a file of a format is damaged at its beginning."""
+    return FormatError(f"{path}: cannot be read as {name} ({one_line(error)[:200]}); copy or export it again")
+
+
 def reading_cloud(path: Path, error: BaseException, done: int, count: int) -> FormatError:
     """What to raise where a file breaks off."""
-    reason = " ".join(str(error).split())[:200] or type(error).__name__
+    reason = one_line(error)[:200]
     return FormatError(f"{path}: is damaged or cut short after {done:,} of {count:,} points ({reason}); copy it again")

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.points.cloud import Batch, Cloud, Stretch, reading_cloud, stretch_of
+from limen.data.points.cloud import Batch, Cloud, Stretch, reading_cloud, stretch_of, unreadable_cloud
 from limen.errors import FormatError
 
 __all__ = ["open_e57"]
@@ -52,9 +52,7 @@ def open_e57(path: Path) -> Cloud:
     except FormatError:
         raise
     except Exception as error:  # libE57 and its XML raise what they like
-        raise FormatError(
-            f"{path}: cannot be read as E57 ({' '.join(str(error).split())[:200]}); copy or export it again"
-        ) from error
+        raise unreadable_cloud(path, "E57", error) from error
     grey = "grey, from intensity" if stretch else "none"
     return Cloud(
         path=path,

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from limen.data.points.info import PointsInfo
 from limen.data.points.nodes import CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, NODE, TOP, ChunkFrame, counts_of_levels
 from limen.data.points.store import VERSION, PointsHeader
-from limen.data.store.zarr_group import checked_header, is_group_folder, list_files, opening, reading, table_of
+from limen.data.store.zarr_group import checked_header, list_files, opening, reading, table_of
 from limen.errors import InputError
 from limen.geometry import Floats
 
-__all__ = ["Points", "is_points_folder"]
+__all__ = ["Points"]
 
 
 _FLAT, _FLAT_TILT_DEG = 0.2, 40.0
@@ -146,8 +146,3 @@ class Points:
             bytes=sum(files.values()) if files else self.chunks * CHUNK_NODES * NODE.itemsize,
             notes=source.notes if source else (),
         )
-
-
-def is_points_folder(path: Path) -> bool:
-    """Whether ``path`` is a folder that says it is a cloud of points."""
-    return path.suffix.lower() == ".points" and is_group_folder(path)

@@ -8,6 +8,7 @@ import msgspec
 
 from limen.data.points.cloud import open_cloud
 from limen.data.points.nodes import CHUNK_POINTS, counts_of_levels
+from limen.data.store.report import Description, amount, crs_name, spans
 
 __all__ = ["PointsInfo", "cloud_info"]
 
@@ -37,17 +38,26 @@ class PointsInfo(msgspec.Struct, frozen=True, kw_only=True):
     bytes: int
     notes: tuple[str, ...] = ()
 
+    def described(self) -> Description:
+        unit = f"units of {self.unit_m:g} m" if self.unit_m else "an unknown unit"
+        facts = {
+            "size": f"{self.size:,} points, {self.chunks:,} chunks, {len(self.levels)} levels",
+            **spans(self.bounds, 10, unit),
+            "coordinates": crs_name(self.crs),
+            "colours": self.colours,
+            "normals": self.normals,
+            "intensity": "yes" if self.has_intensity else "no",
+        }
+        if not self.ready:
+            facts["not made ready yet"] = "limen ingest makes a .points of it"
+        return Description(f"{self.format}, {amount(self.bytes)}", facts, self.notes)
+
 
 def cloud_info(path: str | Path) -> PointsInfo:
-    """What a cloud of points is, made ready or not; it is read to its end only where it does not state its bounds.
+    """What a cloud of points is; it is read to its end only where it does not state its bounds.
 
     Raises MissingFileError, or FormatError if it is none, or damaged.
     """
-    path = Path(path)
-    if path.suffix.lower() == ".points":
-        from limen.data.points.file import Points  # and with it Zarr
-
-        return Points.open(path).info()
     cloud = open_cloud(path)
     found = cloud.found_bounds() if cloud.bounds is None else cloud.bounds
     return PointsInfo(

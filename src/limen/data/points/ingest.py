@@ -8,8 +8,7 @@ chunk gets its contrasts, to which its neighbours belong, and is stored. Anonymo
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,22 +21,19 @@ from numpy.typing import NDArray
 from limen.data.points.buckets import Spool, along_curve
 from limen.data.points.cloud import Batch, Cloud, open_cloud
 from limen.data.points.contrast import ChunkContrasts, Neighbourhood, ranges_of
-from limen.data.points.file import is_points_folder
 from limen.data.points.nodes import CHUNK_LEVEL, CHUNK_NODES, CHUNK_POINTS, LEVEL_BEGIN, NODE, ChunkFrame
 from limen.data.points.store import CHUNKS_A_SHARD, CloudSource, PointsHeader, create_chunks
 from limen.data.points.tree import NEUTRAL, POINT, Lattice, arranged, chunks_of, hilbert_order, pack_points
 from limen.data.points.upper_nodes import tops_of
-from limen.data.store.atomic import PartialFolder, is_disk_full
+from limen.data.store.ingest import Progress, new_folder
 from limen.data.store.memory import Footprint
+from limen.data.store.report import IngestReport
 from limen.data.store.zarr_group import create_table, seal
-from limen.errors import InputError, StorageError
 from limen.geometry import Floats
 from limen.system import worker_count
 from limen.vision.luminance import Photometry
 
-__all__ = ["PointsIngest", "ingest_points"]
-
-Progress = Callable[[float], None]
+__all__ = ["ingest_points"]
 
 _BATCH = 1_000_000
 _PIECE = _BATCH // CHUNK_POINTS * CHUNK_POINTS
@@ -49,23 +45,6 @@ _MARGIN = 1e-3
 """Headers round: points may lie outside of what they say by so much of the widest side."""
 
 
-class PointsIngest(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``ingest_points`` did; ``size`` is the number of points.
-
-    ``peak_rss_mib`` is the process's peak of anonymous resident memory: mapped files are not its own.
-    """
-
-    path: str
-    seconds: float
-    peak_rss_mib: float
-    size: int
-    chunks: int
-    colours: str
-    normals: str
-    bytes: int
-    notes: tuple[str, ...]
-
-
 def ingest_points(
     src: str | Path,
     dst: str | Path,
@@ -73,7 +52,7 @@ def ingest_points(
     photometry: Photometry | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> PointsIngest:
+) -> IngestReport:
     """Make points of a file ready, in a folder ``dst`` that ends in ``.points``.
 
     Parameters
@@ -87,38 +66,23 @@ def ingest_points(
     MissingFileError, FormatError (``src`` is no cloud, damaged or cut short), InputError (``dst`` is something else
     already), StorageError.
     """
-    dst = Path(dst)
-    _check_target(dst)
-    begin = time.perf_counter()
+    dst, tell = Path(dst), progress or (lambda _: None)
     cloud = open_cloud(src)
-    with Footprint() as footprint, PartialFolder(dst) as folder:
-        try:
-            tell = progress or (lambda _: None)
-            header = _Ingest(cloud, folder, photometry or Photometry.srgb(), threads or worker_count(), tell).run()
-        except OSError as error:
-            if is_disk_full(error):
-                raise StorageError(f"{dst}: the disk is full; free some space in {dst.parent}") from error
-            raise
+    with Footprint() as used, new_folder(dst, ".points", "a cloud of points") as folder:
+        header = _Ingest(cloud, folder, photometry or Photometry.srgb(), threads or worker_count(), tell).run()
         size = seal(folder)
     assert header.source is not None
-    return PointsIngest(
-        path=str(dst),
-        seconds=round(time.perf_counter() - begin, 3),
-        peak_rss_mib=round(footprint.peak_mib, 1),
+    return IngestReport.of(
+        "points",
+        dst,
+        used,
         size=header.points,
+        bytes=size,
+        notes=header.source.notes,
         chunks=-(-header.points // CHUNK_POINTS),
         colours=header.colours,
         normals=header.normals,
-        bytes=size,
-        notes=header.source.notes,
     )
-
-
-def _check_target(dst: Path) -> None:
-    if dst.suffix.lower() != ".points":
-        raise InputError(f"{dst}: the result is a folder of points; give it a name that ends in .points")
-    if dst.exists() and not is_points_folder(dst):
-        raise InputError(f"{dst}: is there already, and no cloud of points; remove it, or name another")
 
 
 class _Outside(Exception):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.points.cloud import Batch, Cloud, Stretch, reading_cloud, stretch_of
+from limen.data.points.cloud import Batch, Cloud, Stretch, reading_cloud, stretch_of, unreadable_cloud
 from limen.errors import FormatError
 from limen.geometry import Floats
 
@@ -56,9 +56,7 @@ def open_las(path: Path) -> Cloud:
     except FormatError:
         raise
     except Exception as error:  # laspy and lazrs raise what they like for a damaged file
-        raise FormatError(
-            f"{path}: cannot be read as LAS ({' '.join(str(error).split())[:200]}); copy or export it again"
-        ) from error
+        raise unreadable_cloud(path, "LAS", error) from error
     return Cloud(
         path=path,
         format=version + (", compressed" if packed else ""),

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import functools
 import math
-import time
-from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,10 +14,13 @@ from limen.data.image.bigtiff import JpegTiles
 from limen.data.image.pyramid_writer import PyramidWriter
 from limen.data.samples.noise import BLOCK, FIELDS, land_at
 from limen.data.samples.painting import paint_block
+from limen.data.samples.seeds import check_seed
+from limen.data.store.ingest import Progress
 from limen.data.store.memory import Footprint
+from limen.data.store.report import IngestReport
 from limen.errors import InputError
 
-__all__ = ["WALL_ASPECT", "SampleReport", "sample_image", "sample_size_px"]
+__all__ = ["WALL_ASPECT", "sample_image", "sample_size_px"]
 
 Texels = NDArray[np.uint8]
 
@@ -30,19 +30,6 @@ WALL_ASPECT = 133_120 / 11_520
 _LARGEST_GIGAPIXELS = 10_000.0
 _ATTEMPTS = 32
 _LEAST_LAND, _MOST_LAND = 0.4, 0.75
-
-
-class SampleReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``sample_image`` wrote."""
-
-    path: str
-    size: tuple[int, int]
-    seed: int
-    pixels: int
-    pages: int
-    bytes: int
-    seconds: float
-    peak_rss_mib: float
 
 
 def sample_size_px(gigapixels: float, aspect: float, width_px: int | None = None) -> tuple[int, int]:
@@ -65,42 +52,35 @@ def sample_size_px(gigapixels: float, aspect: float, width_px: int | None = None
 
 def sample_image(
     path: str | Path,
-    gigapixels: float = 1.0,
+    gigapixels: float | None = None,
     seed: int = 0,
     aspect: float | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     *,
-    width_px: int | None = None,
+    size: int | None = None,
     quality: int = 90,
     workers: int | None = None,
-) -> SampleReport:
+) -> IngestReport:
     """Draw the world number ``seed`` into a pyramidal TIFF; the same texels on every run, with any number of workers.
 
-    ``aspect`` is width by height, :data:`WALL_ASPECT` unless given; ``width_px`` an alternative to ``gigapixels``.
-    The image is never held in memory. Raises InputError for sizes
-    that cannot be meant, StorageError or MissingFileError where ``path`` cannot be written.
+    ``gigapixels`` are 1 unless given, or ``size``, the width in texels. ``aspect`` is width by height,
+    :data:`WALL_ASPECT` unless given. The image is never held in memory. Raises InputError for sizes that cannot be
+    meant, StorageError or MissingFileError where ``path`` cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() not in (".tif", ".tiff"):
         raise InputError(f"{path}: the sample is a TIFF; give it a name that ends in .tif")
-    if not 0 <= seed < 1 << 31:
-        raise InputError(f"seed {seed} must lie between 0 and {(1 << 31) - 1}")
-    size_px = sample_size_px(gigapixels, WALL_ASPECT if aspect is None else aspect, width_px)
-    begin = time.perf_counter()
+    if size is not None and gigapixels is not None:
+        raise InputError("--size and --gigapixels both say how large; give one of them")
+    check_seed(seed)
+    aspect = WALL_ASPECT if aspect is None else aspect
+    size_px = sample_size_px(1.0 if gigapixels is None else gigapixels, aspect, size)
     coder = JpegTiles(quality)
-    with Footprint() as footprint, PyramidWriter(path, size_px, coder, workers=workers, progress=progress) as writer:
+    with Footprint() as used, PyramidWriter(path, size_px, coder, workers=workers, progress=progress) as writer:
         for top in range(0, size_px[1], BLOCK):
             writer.push(paint_rows(seed, top, size_px, writer.pool))
-    return SampleReport(
-        path=str(path),
-        size=size_px,
-        seed=seed,
-        pixels=size_px[0] * size_px[1],
-        pages=writer.pyramid.page_count,
-        bytes=path.stat().st_size,
-        seconds=round(time.perf_counter() - begin, 3),
-        peak_rss_mib=round(footprint.peak_mib, 1),
-    )
+    pixels, pages = size_px[0] * size_px[1], writer.pyramid.page_count
+    return IngestReport.of("image", path, used, size=size_px, seed=seed, pixels=pixels, pages=pages)
 
 
 @functools.cache

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.mesh.mesh import NO_TEXTURE, Mesh, smooth_normals, weld_numbers
+from limen.data.samples.seeds import check_seed
 from limen.data.store.atomic import write_bytes
+from limen.data.store.ingest import Progress
+from limen.data.store.memory import Footprint
+from limen.data.store.report import IngestReport
 from limen.errors import InputError
 
-__all__ = ["KNOT_TRIANGLES", "MeshSampleReport", "ripple", "sample_mesh", "torus_knot"]
+__all__ = ["KNOT_TRIANGLES", "ripple", "sample_mesh", "torus_knot"]
 
 Floats = NDArray[np.float64]
 
@@ -32,21 +34,12 @@ _BUMPS = 7
 _TEXTURE_PX = (256, 1024)
 
 
-class MeshSampleReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``sample_mesh`` wrote; ``size`` is the number of triangles."""
-
-    path: str
-    size: int
-    vertices: int
-    seed: int
-    bytes: int
-    seconds: float
-
-
-def sample_mesh(path: str | Path, triangles: int = KNOT_TRIANGLES, seed: int = 0) -> MeshSampleReport:
+def sample_mesh(
+    path: str | Path, size: int = KNOT_TRIANGLES, seed: int = 0, progress: Progress | None = None
+) -> IngestReport:
     """Write the knot number ``seed``: with coloured vertices as PLY, with a texture as GLB, as the name says.
 
-    The same bytes on every run.
+    The same bytes on every run. ``size`` is about how many triangles it has.
 
     Raises
     ------
@@ -56,24 +49,18 @@ def sample_mesh(path: str | Path, triangles: int = KNOT_TRIANGLES, seed: int = 0
         If the disk refuses.
     """
     path = Path(path)
-    begin = time.perf_counter()
     writers: dict[str, Callable[[Mesh], bytes]] = {".ply": _as_ply, ".glb": _as_glb}
     suffix = path.suffix.lower()
     if suffix not in writers:
         raise InputError(
             f"{path}: the sample is a PLY, or a GLB with a texture; give it a name that ends in .ply or .glb"
         )
-    mesh = torus_knot(triangles, seed, textured=suffix == ".glb")
-    content = writers[suffix](mesh)
-    write_bytes(path, content)
-    return MeshSampleReport(
-        path=str(path),
-        size=mesh.size,
-        vertices=len(mesh.positions),
-        seed=seed,
-        bytes=len(content),
-        seconds=round(time.perf_counter() - begin, 3),
-    )
+    with Footprint() as used:
+        mesh = torus_knot(size, seed, textured=suffix == ".glb")
+        write_bytes(path, writers[suffix](mesh))
+    if progress is not None:
+        progress(1.0)
+    return IngestReport.of("mesh", path, used, size=mesh.size, seed=seed, vertices=len(mesh.positions))
 
 
 def torus_knot(triangles: int = KNOT_TRIANGLES, seed: int = 0, *, textured: bool = False) -> Mesh:
@@ -96,8 +83,7 @@ def torus_knot(triangles: int = KNOT_TRIANGLES, seed: int = 0, *, textured: bool
     """
     if not 48 <= triangles <= _MOST_TRIANGLES:
         raise InputError(f"a sample mesh has 48 to {_MOST_TRIANGLES:,} triangles, not {triangles}")
-    if not 0 <= seed < 1 << 31:
-        raise InputError(f"seed {seed} must lie between 0 and {(1 << 31) - 1}")
+    check_seed(seed)
     around = max(3, round(math.sqrt(triangles / 2 / _LENGTH_TO_GIRTH)))
     along = max(8, round(triangles / 2 / around))
     # With a texture the first row and column exist twice, at either end of the picture.

@@ -7,22 +7,23 @@ of points is a pure function of its number and the seed.
 from __future__ import annotations
 
 import datetime
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.store.atomic import PartialFile, is_disk_full
+from limen.data.samples.seeds import check_seed
+from limen.data.store.atomic import PartialFile
+from limen.data.store.ingest import Progress
 from limen.data.store.memory import Footprint
+from limen.data.store.report import IngestReport, one_line
 from limen.data.store.resample import srgb_of_linear
 from limen.errors import InputError, StorageError
 from limen.geometry import Floats
 
-__all__ = ["HALL_POINTS", "PointsSampleReport", "sample_points", "scanned_hall"]
+__all__ = ["HALL_POINTS", "sample_points", "scanned_hall"]
 
 HALL_POINTS = 1_000_000
 
@@ -42,17 +43,6 @@ _SCALE_M = 1e-4
 _LOCAL_METRES = 'LOCAL_CS["limen sample hall",UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["X",EAST],AXIS["Y",NORTH]]'
 
 
-class PointsSampleReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``sample_points`` wrote; ``size`` is the number of points."""
-
-    path: str
-    size: int
-    seed: int
-    bytes: int
-    seconds: float
-    peak_rss_mib: float
-
-
 class Scanned(NamedTuple):
     """A block of points of the hall, in metres, z up."""
 
@@ -63,11 +53,11 @@ class Scanned(NamedTuple):
 
 
 def sample_points(
-    path: str | Path, points: int = HALL_POINTS, seed: int = 0, progress: Callable[[float], None] | None = None
-) -> PointsSampleReport:
+    path: str | Path, size: int = HALL_POINTS, seed: int = 0, progress: Progress | None = None
+) -> IngestReport:
     """Scan the hall number ``seed`` into a LAS, a LAZ or a PLY (which also keeps normals), as the name says.
 
-    The same bytes on every run; memory does not grow with the size.
+    The same bytes on every run; memory does not grow with ``size``, the number of points.
 
     Raises
     ------
@@ -80,25 +70,11 @@ def sample_points(
     writers = {".las": _write_las, ".laz": _write_las, ".ply": _write_ply}
     if path.suffix.lower() not in writers:
         raise InputError(f"{path}: the sample is a LAS, LAZ or PLY; give it a name that ends in .las, .laz or .ply")
-    _check(points, seed)
-    begin = time.perf_counter()
+    _check(size, seed)
     tell = progress or (lambda _: None)
-    with Footprint() as footprint:
-        try:
-            with PartialFile(path) as file:
-                writers[path.suffix.lower()](file, points, _told(scanned_hall(points, seed), points, tell), path)
-        except OSError as error:
-            if is_disk_full(error):
-                raise StorageError(f"{path}: the disk is full; free some space in {path.parent}") from error
-            raise
-    return PointsSampleReport(
-        path=str(path),
-        size=points,
-        seed=seed,
-        bytes=path.stat().st_size,
-        seconds=round(time.perf_counter() - begin, 3),
-        peak_rss_mib=round(footprint.peak_mib, 1),
-    )
+    with Footprint() as used, PartialFile(path) as file:
+        writers[path.suffix.lower()](file, size, _told(scanned_hall(size, seed), size, tell), path)
+    return IngestReport.of("points", path, used, size=size, seed=seed)
 
 
 def scanned_hall(points: int, seed: int = 0) -> Iterator[Scanned]:
@@ -125,8 +101,7 @@ def scanned_hall(points: int, seed: int = 0) -> Iterator[Scanned]:
 def _check(points: int, seed: int) -> None:
     if not 1 <= points <= _MOST_POINTS:
         raise InputError(f"a sample cloud has 1 to {_MOST_POINTS:,} points, not {points}")
-    if not 0 <= seed < 1 << 31:
-        raise InputError(f"seed {seed} must lie between 0 and {(1 << 31) - 1}")
+    check_seed(seed)
 
 
 def _spheres(seed: int) -> Floats:
@@ -215,7 +190,7 @@ def _coloured(place: Floats, normal: Floats, kind: NDArray[np.int64]) -> NDArray
     return np.rint(255.0 * srgb_of_linear(np.clip(light, 0.0, 1.0))).astype(np.uint8)
 
 
-def _told(blocks: Iterator[Scanned], points: int, tell: Callable[[float], None]) -> Iterator[Scanned]:
+def _told(blocks: Iterator[Scanned], points: int, tell: Progress) -> Iterator[Scanned]:
     done = 0
     for block in blocks:
         yield block
@@ -241,6 +216,7 @@ def _write_ply(file: BinaryIO, points: int, blocks: Iterator[Scanned], _path: Pa
 def _write_las(file: BinaryIO, _points: int, blocks: Iterator[Scanned], path: Path) -> None:
     """LAS 1.4, point format 7, with the metre as unit; dated the same whenever it was made."""
     import laspy
+    import lazrs
 
     header = laspy.LasHeader(point_format=7, version="1.4")
     header.scales, header.offsets = np.full(3, _SCALE_M), np.zeros(3)
@@ -249,13 +225,16 @@ def _write_las(file: BinaryIO, _points: int, blocks: Iterator[Scanned], path: Pa
     header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(_LOCAL_METRES))
     header.global_encoding.wkt = True
     packed = path.suffix.lower() == ".laz"
-    with laspy.open(file, mode="w", header=header, do_compress=packed, closefd=False) as writer:
-        for block in blocks:
-            record = laspy.ScaleAwarePointRecord.zeros(len(block.rgb), header=header)
-            record.x, record.y, record.z = block.positions.T
-            for name, values in zip(("red", "green", "blue"), block.rgb.T, strict=True):
-                record[name] = values.astype(np.uint16) * 257
-            record["intensity"] = block.intensity.astype(np.uint16) * 257
-            for name in ("return_number", "number_of_returns"):
-                record[name] = np.ones(len(block.rgb), np.uint8)
-            writer.write_points(record)
+    try:
+        with laspy.open(file, mode="w", header=header, do_compress=packed, closefd=False) as writer:
+            for block in blocks:
+                record = laspy.ScaleAwarePointRecord.zeros(len(block.rgb), header=header)
+                record.x, record.y, record.z = block.positions.T
+                for name, values in zip(("red", "green", "blue"), block.rgb.T, strict=True):
+                    record[name] = values.astype(np.uint16) * 257
+                record["intensity"] = block.intensity.astype(np.uint16) * 257
+                for name in ("return_number", "number_of_returns"):
+                    record[name] = np.ones(len(block.rgb), np.uint8)
+                writer.write_points(record)
+    except lazrs.LazrsError as error:  # what it hides is an OSError of the file
+        raise StorageError(f"{path}: cannot be written ({one_line(error)}); free some space") from error

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import itertools
 import logging
-import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
 
-import msgspec
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
@@ -19,13 +17,16 @@ from rasterio.crs import CRS
 from rasterio.errors import RasterioError
 from rasterio.windows import Window
 
+from limen.data.samples.seeds import check_seed
 from limen.data.samples.terrain_kernels import heights_of_block
 from limen.data.store.atomic import PartialFile
+from limen.data.store.ingest import Progress
 from limen.data.store.memory import Footprint
+from limen.data.store.report import IngestReport, one_line
 from limen.errors import InputError, StorageError
 from limen.system import worker_count
 
-__all__ = ["SAMPLE_SPACING_M", "TerrainSampleReport", "sample_heights", "sample_terrain"]
+__all__ = ["SAMPLE_SPACING_M", "sample_heights", "sample_terrain"]
 
 SAMPLE_SPACING_M = 30.0
 
@@ -35,18 +36,6 @@ _LARGEST = 1 << 20
 _WORLDS_APART = 100_003
 
 logging.getLogger("rasterio").addHandler(logging.NullHandler())
-
-
-class TerrainSampleReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``sample_terrain`` wrote; ``size`` is [columns, rows]."""
-
-    path: str
-    size: tuple[int, int]
-    seed: int
-    spacing_m: float
-    bytes: int
-    seconds: float
-    peak_rss_mib: float
 
 
 def sample_heights(seed: int, column: int, row: int, columns: int, rows: int) -> NDArray[np.float32]:
@@ -63,8 +52,8 @@ def sample_terrain(
     *,
     dtype: Literal["int16", "float32"] = "int16",
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> TerrainSampleReport:
+    progress: Progress | None = None,
+) -> IngestReport:
     """Write ``size`` x ``size`` posts of the mountains number ``seed``, 30 m apart, as a tiled GeoTIFF.
 
     The same heights on every run, with any number of workers; a larger size continues a smaller one. Raises InputError
@@ -75,31 +64,21 @@ def sample_terrain(
         raise InputError(f"{path}: the sample is a GeoTIFF; give it a name that ends in .tif")
     if not 2 <= size <= _LARGEST:
         raise InputError(f"{size} x {size} posts cannot be made; give 2 to {_LARGEST:,}")
-    if not 0 <= seed < 1 << 31:
-        raise InputError(f"seed {seed} must lie between 0 and {(1 << 31) - 1}")
+    check_seed(seed)
     if dtype not in ("int16", "float32"):
         raise InputError(f"heights as {dtype} are not made; give int16 or float32")
-    begin = time.perf_counter()
     partial = PartialFile(path)
-    with Footprint() as footprint, partial:
+    with Footprint() as used, partial:
         try:
             _write(partial.partial, size, seed, dtype, workers or worker_count(), progress or (lambda _: None))
         except (RasterioError, OSError) as error:
             raise StorageError(
-                f"{path}: cannot be written ({' '.join(str(error).split())}); free some space"
+                f"{path}: cannot be written ({one_line(error.__cause__ or error)}); free some space"
             ) from error
-    return TerrainSampleReport(
-        path=str(path),
-        size=(size, size),
-        seed=seed,
-        spacing_m=SAMPLE_SPACING_M,
-        bytes=path.stat().st_size,
-        seconds=round(time.perf_counter() - begin, 3),
-        peak_rss_mib=round(footprint.peak_mib, 1),
-    )
+    return IngestReport.of("terrain", path, used, size=(size, size), seed=seed, spacing_m=SAMPLE_SPACING_M)
 
 
-def _write(path: Path, size: int, seed: int, dtype: str, workers: int, progress: Callable[[float], None]) -> None:
+def _write(path: Path, size: int, seed: int, dtype: str, workers: int, progress: Progress) -> None:
     profile: dict[str, Any] = {
         "driver": "GTiff",
         "width": size,

@@ -1,10 +1,11 @@
-"""How much memory of its own a process needs while something runs."""
+"""How much time something takes, and how much memory of its own a process needs meanwhile."""
 
 from __future__ import annotations
 
 import re
 import sys
 import threading
+import time
 from pathlib import Path
 from types import TracebackType
 
@@ -34,7 +35,7 @@ def anonymous_bytes() -> int:
 
 
 class Footprint:
-    """``with Footprint() as footprint: ...`` then ``footprint.peak_mib``, sampled every 20 ms."""
+    """``with Footprint() as used: ...`` then ``used.seconds``, and ``used.peak_mib``, sampled every 20 ms."""
 
     def __init__(self) -> None:
         self._peak_bytes = 0
@@ -45,13 +46,20 @@ class Footprint:
     def peak_mib(self) -> float:
         return self._peak_bytes / (1 << 20)
 
+    @property
+    def seconds(self) -> float:
+        """From the beginning to the end, or until now."""
+        return (self._end_s or time.perf_counter()) - self._begin_s
+
     def __enter__(self) -> Footprint:
+        self._begin_s, self._end_s = time.perf_counter(), 0.0
         self._thread.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._end_s = time.perf_counter()
         self._stop.set()
         self._thread.join()
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rasterio.enums import ColorInterp, MaskFlags
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
+from limen.data.store.report import one_line
 from limen.data.terrain.georeference import bounds_of, metres_of_unit, spacing_of
 from limen.errors import FormatError, InputError
 
@@ -107,7 +108,7 @@ class ElevationSource:
             try:
                 self._dataset = rasterio.open(self.path)
             except RasterioError as error:
-                raise FormatError(f"{self.path}: is no raster that can be read ({_one_line(error)})") from error
+                raise FormatError(f"{self.path}: is no raster that can be read ({_reason(error)})") from error
         try:
             self._describe(band, spacing_m)
         except BaseException:
@@ -171,7 +172,7 @@ class ElevationSource:
             except (RasterioError, OSError) as error:
                 raise FormatError(
                     f"{self.path}: the posts of rows {row} to {row + rows - 1}, columns {column} to "
-                    f"{column + columns - 1} cannot be read, it is damaged or cut short ({_one_line(error)}); "
+                    f"{column + columns - 1} cannot be read, it is damaged or cut short ({_reason(error)}); "
                     "copy it again"
                 ) from error
         heights, void = _decoded(stored, mask, self._coding, self.dtype)
@@ -195,9 +196,8 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _one_line(error: BaseException) -> str:
-    cause = error.__cause__ or error
-    return " ".join(str(cause).split())
+def _reason(error: BaseException) -> str:
+    return one_line(error.__cause__ or error)
 
 
 def _checked_spacing(spacing_m: float | tuple[float, float]) -> tuple[float, float]:

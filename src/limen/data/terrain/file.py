@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from limen.data.pages import PAGE, Pyramid
 from limen.data.store.tile_cache import TileCache
-from limen.data.store.zarr_group import checked_header, is_group_folder, list_files, opening, reading, table_of
+from limen.data.store.zarr_group import checked_header, list_files, opening, reading, table_of
 from limen.data.terrain.georeference import bounds_of
 from limen.data.terrain.info import TerrainInfo
 from limen.data.terrain.model import Nodes, Patch, PatchTable
@@ -21,7 +21,7 @@ from limen.data.terrain.store import KINDS, POSTS_A_CHUNK, VERSION, Header
 from limen.data.terrain.tin_tree import exact_patch
 from limen.errors import InputError
 
-__all__ = ["Terrain", "TerrainPages", "is_terrain_folder"]
+__all__ = ["Terrain", "TerrainPages"]
 
 _PATCH_CACHE_BYTES = 96 << 20
 _POSTS_CACHE_BYTES = 32 << 20
@@ -225,8 +225,3 @@ class Terrain:
             exact=header.source.exact,
             notes=header.source.notes,
         )
-
-
-def is_terrain_folder(path: Path) -> bool:
-    """Whether ``path`` is a folder that says it is a terrain."""
-    return is_group_folder(path)

@@ -9,6 +9,7 @@ import msgspec
 
 from limen.data.pages import PAGE, Pyramid
 from limen.data.store.file_type import existing_file
+from limen.data.store.report import Description, amount, crs_name
 from limen.data.terrain.elevation import ElevationSource, PostRect
 
 __all__ = ["TerrainInfo", "elevation_info"]
@@ -45,6 +46,33 @@ class TerrainInfo(msgspec.Struct, frozen=True, kw_only=True):
     bytes: int
     exact: bool
     notes: tuple[str, ...]
+
+    def described(self) -> Description:
+        (width, height), (across_m, along_m) = self.size, self.spacing_m
+        kilometres = f"{width * across_m / 1000:.4g} x {height * along_m / 1000:.4g} km"
+        facts = {
+            "size": f"{width} x {height} posts, {across_m:.6g} x {along_m:.6g} m apart, {kilometres}",
+            "coordinates": crs_name(self.crs),
+        }
+        if self.bounds is not None:
+            west, south, east, north = (f"{edge:.8g}" for edge in self.bounds)
+            facts["coordinates"] += f", {west} to {east} and {south} to {north}"
+        if self.height_range_m is not None:
+            low_m, high_m = self.height_range_m
+            facts["heights"] = f"{low_m:.6g} to {high_m:.6g} m{'' if self.exact else ', rounded'}"
+        if self.void_share:
+            facts["without data"] = f"{100 * self.void_share:.3g} % of the posts"
+        if self.ready:
+            facts["made ready"] = f"{self.nodes:,} nodes, {self.patches:,} patches, {len(self.levels)} levels of pages"
+        else:
+            facts["not made ready yet"] = "limen ingest makes a .terrain of it"
+        return Description(
+            f"{self.format}, {amount(self.bytes)}",
+            facts,
+            self.notes,
+            ("error in m", "triangles of the whole") if self.ready else (),
+            [(f"{error_m:.4g}", f"{count:,}") for error_m, count in zip(self.errors_m, self.triangles, strict=True)],
+        )
 
 
 def elevation_info(

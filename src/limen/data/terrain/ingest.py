@@ -7,8 +7,7 @@ posts without data are filled; pages and patches are made of what is stored.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,46 +18,27 @@ import zarr
 from numpy.typing import NDArray
 
 from limen.data.pages import Pyramid
-from limen.data.store.atomic import PartialFolder, is_disk_full
 from limen.data.store.file_type import existing_file
+from limen.data.store.ingest import Progress, new_folder
 from limen.data.store.memory import Footprint
+from limen.data.store.report import IngestReport
 from limen.data.store.zarr_group import create_table, seal
 from limen.data.terrain.elevation import ElevationSource, PostRect
-from limen.data.terrain.file import is_terrain_folder
 from limen.data.terrain.page_kernels import MOST_CODE
 from limen.data.terrain.page_writer import MARGIN, PageWriter, Scale
 from limen.data.terrain.patch_writer import TABLES, PatchWriter, Tables, triangles_at
 from limen.data.terrain.store import BLOCK, Header, Source, create_posts
 from limen.data.terrain.tin_tree import grow_tree
 from limen.data.terrain.voids import CELL, REACH, complete, fill, pull
-from limen.errors import FormatError, InputError, StorageError
+from limen.errors import FormatError
 from limen.system import worker_count
 
-__all__ = ["TerrainIngest", "code_range_m", "error_ladder_m", "ingest_terrain"]
+__all__ = ["code_range_m", "error_ladder_m", "ingest_terrain"]
 
-Progress = Callable[[float], None]
 Rect = tuple[int, int, int, int]
 
 _READ, _FILLED, _PAGED, _GROWN = 0.06, 0.08, 0.2, 0.97
 """Of the time until all is done, about, when each pass ends."""
-
-
-class TerrainIngest(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``ingest_terrain`` did; ``triangles`` are those of the whole terrain at the finest step of its ladder.
-
-    ``peak_rss_mib`` is the process's peak of anonymous resident memory: mapped files are not its own.
-    """
-
-    path: str
-    seconds: float
-    peak_rss_mib: float
-    size: tuple[int, int]
-    posts: int
-    void_share: float
-    error_m: float
-    triangles: int
-    bytes: int
-    notes: tuple[str, ...]
 
 
 def ingest_terrain(
@@ -69,7 +49,7 @@ def ingest_terrain(
     spacing_m: float | tuple[float, float] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> TerrainIngest:
+) -> IngestReport:
     """Make a terrain of a raster of heights, in a folder ``dst`` that ends in ``.terrain``.
 
     ``band`` and ``spacing_m`` are those of `limen.data.terrain.elevation.ElevationSource`. ``progress`` is called with
@@ -78,40 +58,25 @@ def ingest_terrain(
     something else already, or a wrong band), StorageError.
     """
     src, dst = existing_file(src), Path(dst)
-    _check_target(dst)
-    begin = time.perf_counter()
     with (
-        Footprint() as footprint,
+        Footprint() as used,
         ElevationSource(src, band=band, spacing_m=spacing_m) as source,
-        PartialFolder(dst) as folder,
+        new_folder(dst, ".terrain", "a terrain") as folder,
     ):
-        try:
-            ingest = _Ingest(source, folder, threads or worker_count(), progress or (lambda _: None))
-            header, tables = ingest.run()
-        except OSError as error:
-            if is_disk_full(error):
-                raise StorageError(f"{dst}: the disk is full; free some space in {dst.parent}") from error
-            raise
+        header, tables = _Ingest(source, folder, threads or worker_count(), progress or (lambda _: None)).run()
         size = seal(folder)
-    return TerrainIngest(
-        path=str(dst),
-        seconds=round(time.perf_counter() - begin, 3),
-        peak_rss_mib=round(footprint.peak_mib, 1),
+    return IngestReport.of(
+        "terrain",
+        dst,
+        used,
         size=header.size_posts,
+        bytes=size,
+        notes=source.notes,
         posts=math.prod(header.size_posts),
         void_share=header.void_share,
         error_m=header.errors_m[-1],
         triangles=triangles_at(tables.nodes, tables.patches, header.errors_m[-1]),
-        bytes=size,
-        notes=source.notes,
     )
-
-
-def _check_target(dst: Path) -> None:
-    if dst.suffix.lower() != ".terrain":
-        raise InputError(f"{dst}: the result is a folder of a terrain; give it a name that ends in .terrain")
-    if dst.exists() and not is_terrain_folder(dst):
-        raise InputError(f"{dst}: is there already, and no terrain; remove it, or name another")
 
 
 def error_ladder_m(height_range_m: float, spacing_m: float) -> tuple[float, ...]:

@@ -1,23 +1,28 @@
-"""The terrain that is made of a raster of heights, in the cache, when it is first opened."""
+"""The terrain that is made of a raster of heights, in the cache, when it is first opened.
+
+What builds (Numba, SciPy) and what keeps (Zarr) is imported where it is needed.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from limen.data.store.file_type import existing_file
-from limen.data.store.zarr_group import is_made_of
+from limen.data.store.ingest import Progress, kept_in_cache, needs_ingest
 from limen.data.terrain.elevation import ElevationSource
-from limen.data.terrain.file import Terrain
-from limen.data.terrain.ingest import ingest_terrain
-from limen.errors import FormatError, MissingFileError, NeedsIngestError
-from limen.system import place_in_cache
+from limen.data.terrain.info import TerrainInfo, elevation_info
 
-__all__ = ["LARGEST_AT_ONCE_POSTS", "open_terrain"]
+if TYPE_CHECKING:
+    from limen.data.terrain.file import Terrain
+
+__all__ = ["LARGEST_AT_ONCE_POSTS", "open_terrain", "terrain_info"]
 
 LARGEST_AT_ONCE_POSTS = 64_000_000
 """A raster of heights up to this size is made ready when it is opened (some minutes); beyond it wants ``ingest``."""
+
+_ENDING = ".terrain"
 
 
 def open_terrain(
@@ -25,7 +30,7 @@ def open_terrain(
     *,
     band: int | None = None,
     spacing_m: float | tuple[float, float] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Terrain:
     """Open a folder that was made ready, or a raster of heights that is made ready in the cache first.
 
@@ -33,29 +38,30 @@ def open_terrain(
     that work done, 0 ... 1. Raises MissingFileError, FormatError (no raster of heights, damaged; NeedsIngestError
     beyond `LARGEST_AT_ONCE_POSTS`), InputError, StorageError.
     """
+    from limen.data.terrain.file import Terrain
+
     path = Path(path)
-    if path.suffix.lower() == ".terrain":
+    if path.suffix.lower() == _ENDING:
         return Terrain.open(path)
     path = existing_file(path)
     with ElevationSource(path, band=band, spacing_m=spacing_m) as source:
-        size = source.size_posts
+        columns, rows = source.size_posts
         key = repr((str(path.resolve()), source.band, source.spacing_m))
-    place = place_in_cache(path.stem, key, ".terrain")
-    if (kept := _kept(place, path)) is not None:
-        return kept
-    if math.prod(size) > LARGEST_AT_ONCE_POSTS:
-        name, target = (f'"{p}"' if " " in str(p) else str(p) for p in (path, path.with_suffix(".terrain")))
-        raise NeedsIngestError(
-            f"{path}: {size[0]} x {size[1]} posts take a while; make it ready with: limen ingest {name} {target}"
-        )
-    ingest_terrain(path, place, band=band, spacing_m=spacing_m, progress=progress)
-    return Terrain.open(place)
+
+    def make(place: Path) -> None:
+        if math.prod((columns, rows)) > LARGEST_AT_ONCE_POSTS:
+            raise needs_ingest(path, f"{columns} x {rows} posts take a while", _ENDING)
+        from limen.data.terrain.ingest import ingest_terrain
+
+        ingest_terrain(path, place, band=band, spacing_m=spacing_m, progress=progress)
+
+    return kept_in_cache(path, key, _ENDING, Terrain.open, make)
 
 
-def _kept(place: Path, source: Path) -> Terrain | None:
-    """What the cache holds, if it was made of the file as it is now."""
-    try:
-        terrain = Terrain.open(place)
-    except (FormatError, MissingFileError):
-        return None
-    return terrain if is_made_of(terrain.header.source, source) else None
+def terrain_info(path: str | Path) -> TerrainInfo:
+    """What a terrain is, made ready or not. Raises what `elevation_info` and `open_terrain` raise."""
+    if Path(path).suffix.lower() != _ENDING:
+        return elevation_info(path)
+    from limen.data.terrain.file import Terrain
+
+    return Terrain.open(path).info()
