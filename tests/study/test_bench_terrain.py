@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from limen.data.terrain.tin import refine
 from limen.errors import InputError
 from limen.study import terrain_peers
 from limen.study.bench_terrain import TerrainRow, aims, ladder_m, triangle_rows
@@ -17,13 +16,14 @@ from limen.study.terrain_peers import MADE_BY, PEERS, Made, grid_triangles, miss
 from limen.study.triangulations import (
     Posts,
     Triangles,
-    build_blocks,
+    build_trees,
     drawn,
     patches_at,
     residuals_m,
     true_error_m,
 )
 from support import terrains
+from support.trees import refine
 
 ERRORS_M = (40.0, 15.0, 5.0)
 
@@ -74,8 +74,8 @@ def test_a_hole_is_no_small_error() -> None:
 @pytest.mark.parametrize("error_m", [60.0, 12.0, 0.0])
 def test_what_is_drawn_is_whole_and_keeps_its_error(error_m: float) -> None:
     posts = hills(150, 270)
-    blocks = build_blocks(posts, ladder_m(200.0, ERRORS_M))
-    patches = list(patches_at(posts, blocks, error_m))
+    trees = build_trees(posts, ladder_m(200.0, ERRORS_M))
+    patches = list(patches_at(posts, trees, error_m))
     triangles = drawn(patches, (270, 150))
     border = terrains.side_posts(patches)
     plain = [triangle for patch in patches for triangle in terrains.fanned(patch, border)]
@@ -89,10 +89,10 @@ def test_what_is_drawn_is_whole_and_keeps_its_error(error_m: float) -> None:
 def test_blocks_cover_a_terrain_of_several_roots(monkeypatch: Any) -> None:
     monkeypatch.setattr("limen.study.triangulations.BLOCK", 64)
     posts = hills(130, 65)
-    blocks = build_blocks(posts, [20.0, 5.0])
-    assert [block.nodes.rect[0].tolist() for block in blocks] == [[0, 0, 64, 64], [0, 64, 64, 128], [0, 128, 64, 129]]
+    trees = build_trees(posts, [20.0, 5.0])
+    assert [tree[0].rect for tree in trees] == [(0, 0, 64, 64), (0, 64, 64, 128), (0, 128, 64, 129)]
     for error_m in (20.0, 5.0):
-        assert true_error_m(posts, drawn(patches_at(posts, blocks, error_m), (65, 130))) <= error_m
+        assert true_error_m(posts, drawn(patches_at(posts, trees, error_m), (65, 130))) <= error_m
 
 
 @pytest.mark.parametrize(("size", "step", "chunk"), [((65, 65), 4, 16), ((30, 41), 8, 16), ((2, 7), 2, 16)])

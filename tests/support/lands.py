@@ -10,8 +10,9 @@ import numpy as np
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
 from limen.data.terrain.model import Nodes, Patch, PatchTable
-from limen.data.terrain.tin_tree import build_tree, exact_patch
+from limen.data.terrain.tin_tree import exact_patch
 from limen.errors import PageError
+from support.trees import build_tree
 
 
 class RasterPages:

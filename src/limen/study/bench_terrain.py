@@ -18,7 +18,7 @@ from limen.gpu.device import open_device
 from limen.study.terrain_frames import Table2, TerrainFrameRow, frame_aims, frame_rows, table2
 from limen.study.terrain_peers import INSTALL, PEERS, Made, missing_package
 from limen.study.terrain_source import SAMPLE, MeasuredTerrain, posts_of, prepared
-from limen.study.triangulations import Posts, build_blocks, drawn, patches_at, true_error_m
+from limen.study.triangulations import Posts, build_trees, drawn, patches_at, true_error_m
 
 __all__ = ["ERRORS_M", "TerrainBench", "TerrainRow", "aims", "bench_terrain", "ladder_m", "triangle_rows"]
 
@@ -103,11 +103,11 @@ def triangle_rows(posts: Posts, errors_m: Sequence[float], say: Say) -> list[Ter
 def _limen_rows(posts: Posts, errors_m: Sequence[float], say: Say) -> Iterator[TerrainRow]:
     say("limen")
     begin = time.process_time()
-    blocks = build_blocks(posts, ladder_m(float(posts.heights_m.max() - posts.heights_m.min()), errors_m))
+    trees = build_trees(posts, ladder_m(float(posts.heights_m.max() - posts.heights_m.min()), errors_m))
     build_s = time.process_time() - begin
     rows, columns = posts.heights_m.shape
     for error_m in errors_m:
-        triangles = drawn(patches_at(posts, blocks, error_m), (columns, rows))
+        triangles = drawn(patches_at(posts, trees, error_m), (columns, rows))
         yield _row("limen", error_m, Made(len(triangles), true_error_m(posts, triangles), build_s))
 
 

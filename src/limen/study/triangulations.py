@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.terrain.model import Patch
-from limen.data.terrain.tin_tree import Block, build_tree, exact_patch
+from limen.data.terrain.tin_tree import Grown, exact_patch, grow_tree
 from limen.errors import InputError
 from limen.study.error_kernels import fan_out, measure_residuals
 
-__all__ = ["BLOCK", "Posts", "Triangles", "build_blocks", "cut_at", "drawn", "residuals_m", "true_error_m"]
+__all__ = ["BLOCK", "Posts", "Triangles", "build_trees", "drawn", "patches_at", "residuals_m", "true_error_m"]
 
 BLOCK = 4096
 """Posts from border to border of a root."""
@@ -30,40 +30,32 @@ class Posts(NamedTuple):
     spacing_m: tuple[float, float] = (1.0, 1.0)
 
 
-def build_blocks(posts: Posts, errors_m: Sequence[float]) -> list[Block]:
-    """The trees of all roots, as `limen ingest` makes them."""
+def build_trees(posts: Posts, errors_m: Sequence[float]) -> list[list[Grown]]:
+    """The trees of all roots, as `limen ingest` makes them, each node before its children."""
     rows, columns = posts.heights_m.shape
-    blocks = []
+    trees = []
     for top in range(0, rows - 1, BLOCK):
         for left in range(0, columns - 1, BLOCK):
             own = np.s_[top : top + BLOCK + 1, left : left + BLOCK + 1]
             void = None if posts.void is None else posts.void[own]
-            blocks.append(build_tree(np.ascontiguousarray(posts.heights_m[own]), void, errors_m, origin=(left, top)))
-    return blocks
+            trees.append([*grow_tree(np.ascontiguousarray(posts.heights_m[own]), void, errors_m, origin=(left, top))])
+    return trees
 
 
-def cut_at(block: Block, error_m: float) -> Iterator[int]:
-    """The coarsest patches of a tree that keep an error."""
-    pending = list(range(block.nodes.roots))
-    while pending:
-        node = pending.pop()
-        first, last = block.nodes.first_patch[node : node + 2]
-        fine = np.flatnonzero(block.patches.error_m[first:last] <= error_m)
-        if len(fine):
-            yield int(first + fine[0])
-        else:
-            pending += [int(child) for child in block.nodes.children[node] if child >= 0]
-
-
-def patches_at(posts: Posts, blocks: Iterable[Block], error_m: float) -> Iterator[Patch]:
-    """The same with their contents."""
-    for block in blocks:
-        for number in cut_at(block, error_m):
-            content = block.contents[number]
-            if content is None:
-                left, top, right, bottom = (int(side) for side in block.nodes.rect[block.patches.node[number]])
-                content = exact_patch(posts.heights_m[top : bottom + 1, left : right + 1], (left, top, right, bottom))
-            yield content
+def patches_at(posts: Posts, trees: Iterable[Iterable[Grown]], error_m: float) -> Iterator[Patch]:
+    """The coarsest patches of trees that keep an error."""
+    for tree in trees:
+        kept = [False]  # by a node further up, in the order of nodes, to which children are added as they are met
+        for node, done in zip(tree, kept, strict=False):
+            patch = next(
+                (each for each, has_m in zip(node.patches, node.errors_m, strict=True) if has_m <= error_m), None
+            )
+            if patch is None and not any(node.children):
+                left, top, right, bottom = node.rect
+                patch = exact_patch(posts.heights_m[top : bottom + 1, left : right + 1], node.rect)
+            if patch is not None and not done:
+                yield patch
+            kept += [done or patch is not None] * sum(node.children)
 
 
 def drawn(patches: Iterable[Patch], size_posts: tuple[int, int]) -> Triangles:

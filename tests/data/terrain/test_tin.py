@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from limen.data.terrain.model import Patch
-from limen.data.terrain.tin import Tin, refine
+from limen.data.terrain.tin import Tin
 from limen.errors import InputError
 from support import terrains
+from support.trees import refine
 
 LADDER = [64.0, 24.0, 8.0, 3.0, 1.0]
 ROUNDING_M = 1e-6

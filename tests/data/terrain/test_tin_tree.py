@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from limen.data.terrain.model import Patch
-from limen.data.terrain.tin import refine
-from limen.data.terrain.tin_tree import Block, build_tree, exact_patch
+from limen.data.terrain.tin_tree import exact_patch
 from support import terrains
+from support.trees import Block, build_tree, refine
 
 LADDER = [64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.0]
 ORIGIN = (1000, 300)

@@ -18,7 +18,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from limen.data.store.atomic import PartialFile
+from limen.data.store.atomic import partial_file
 
 __all__ = ["SOFTWARE", "BigTiffWriter", "DeflateTiles", "JpegTiles", "TileCoder"]
 
@@ -112,7 +112,7 @@ class BigTiffWriter:
     """
 
     def __init__(self, path: Path, coder: TileCoder, tile_px: int) -> None:
-        self._partial = PartialFile(path)
+        self._partial = partial_file(path)
         self._coder, self._tile_px = coder, tile_px
         self._offsets: list[list[int]] = []
         self._counts: list[list[int]] = []
@@ -135,7 +135,7 @@ class BigTiffWriter:
     @property
     def partial(self) -> Path:
         """Where the file lies until it is complete; it can be read once ``finish`` was called."""
-        return self._partial.partial
+        return Path(self._file.name)
 
     def add(self, level: int, tile: bytes) -> None:
         """Append one encoded tile."""

@@ -13,12 +13,11 @@ Luebke, Hallen 2001, *Perceptually Driven Simplification for Interactive Renderi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from limen.data.mesh.vertex_tree import MASK_WORDS
 from limen.geometry import Floats
 
-__all__ = ["ALL_CELLS", "CELLS", "CELL_BORDERS", "cell_corners", "cells_of_normals", "face_grid", "masks_of_cells"]
+__all__ = ["ALL_CELLS", "CELLS", "CELL_BORDERS", "cell_corners", "face_grid"]
 
 SIDE = 8
 CELLS = MASK_WORDS * SIDE * SIDE
@@ -28,30 +27,6 @@ CELL_BORDERS: Floats = np.linspace(-1.0, 1.0, SIDE + 1)
 
 ALL_CELLS = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
 """A word of a mask that holds every normal, as on rims."""
-
-
-def cells_of_normals(normals: ArrayLike) -> NDArray[np.int64]:
-    """The cell of each normal, shape (..., 3) to (...); normals need no unit length, and one of no length is +x.
-
-    >>> cells_of_normals([[0.0, 0.0, 1.0], [-1.0, 0.99, 0.99]]).tolist()
-    [292, 127]
-    """
-    given = np.asarray(normals, dtype=float)
-    axis = np.abs(given).argmax(axis=-1)
-    along = np.take_along_axis(given, axis[..., None], axis=-1)[..., 0]
-    others = np.array([[1, 2], [0, 2], [0, 1]])[axis]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place = np.nan_to_num(np.take_along_axis(given, others, axis=-1) / np.abs(along)[..., None])
-    column, row = np.moveaxis(np.searchsorted(CELL_BORDERS[1:-1], place, side="right"), -1, 0)
-    return np.asarray((2 * axis + (along < 0)) * SIDE * SIDE + row * SIDE + column)
-
-
-def masks_of_cells(cells: NDArray[np.int64]) -> NDArray[np.uint64]:
-    """Masks of one cell each: shape (...) to (..., 6)."""
-    masks = np.zeros((*cells.shape, MASK_WORDS), np.uint64)
-    bits = np.left_shift(np.uint64(1), (cells % (SIDE * SIDE)).astype(np.uint64))
-    np.put_along_axis(masks, (cells // (SIDE * SIDE))[..., None], bits[..., None], axis=-1)
-    return masks
 
 
 def cell_corners() -> Floats:

@@ -23,11 +23,11 @@ from limen.data.mesh.file import read_mesh
 from limen.data.mesh.mesh import Mesh
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.mesh.vertex_tree import MASK_WORDS, VertexTree
-from limen.data.store.atomic import PartialFolder
+from limen.data.store.atomic import partial_folder
 from limen.data.store.ingest import Progress, new_folder
 from limen.data.store.memory import Footprint
 from limen.data.store.report import IngestReport
-from limen.data.store.zarr_group import checked_header, create_table, is_made_of, opening, seal, table_of
+from limen.data.store.zarr_group import MadeOf, checked_header, create_table, opening, seal, table_of
 from limen.errors import FormatError, MissingFileError
 from limen.system import place_in_cache
 
@@ -55,20 +55,12 @@ _WORTH_KEEPING = 150_000
 """Triangles from which on a tree is kept in the cache: below, it is made in less time than half a second."""
 
 
-class MeshSource(msgspec.Struct, frozen=True, kw_only=True):
-    """The file that the mesh was read from."""
-
-    name: str
-    bytes: int
-    mtime_ns: int
-
-
 class MeshHeader(msgspec.Struct, frozen=True, kw_only=True):
     version: int = _VERSION
     triangles: int
     vertices: int
     nodes: int
-    source: MeshSource | None = None
+    source: MadeOf | None = None
 
 
 def ingest_mesh(src: str | Path, dst: str | Path, *, progress: Progress | None = None) -> IngestReport:
@@ -84,7 +76,7 @@ def ingest_mesh(src: str | Path, dst: str | Path, *, progress: Progress | None =
         tell(_READ)
         tree = build_vertex_tree(mesh)
         tell(_BUILT)
-        size = _write(folder, mesh, tree, _source_of(src))
+        size = _write(folder, mesh, tree, MadeOf.of(src))
     tell(1.0)
     nodes = len(tree.position)
     return IngestReport.of("mesh", dst, used, size=mesh.size, bytes=size, vertices=tree.vertices, nodes=nodes)
@@ -118,23 +110,19 @@ def tree_of(mesh: Mesh) -> VertexTree:
         return build_vertex_tree(mesh)
     place = place_in_cache(mesh.path.stem, str(mesh.path.resolve()), ".mesh")
     try:
-        if is_made_of(_header(place).source, mesh.path) and (kept := _read_tree(place, mesh)) is not None:
+        made_of = _header(place).source
+        if made_of and made_of.still(mesh.path) and (kept := _read_tree(place, mesh)) is not None:
             return kept
     except (FormatError, MissingFileError):
         pass
     tree = build_vertex_tree(mesh)
-    with contextlib.suppress(OSError), PartialFolder(place) as folder:
-        _write(folder, mesh, tree, _source_of(mesh.path))
+    with contextlib.suppress(OSError), partial_folder(place) as folder:
+        _write(folder, mesh, tree, MadeOf.of(mesh.path))
     return tree
 
 
 def _header(path: Path) -> MeshHeader:
     return checked_header(path, MeshHeader, _VERSION, "mesh made ready", "limen ingest MESH.ply NAME.mesh")
-
-
-def _source_of(path: Path) -> MeshSource:
-    state = path.stat()
-    return MeshSource(name=path.name, bytes=state.st_size, mtime_ns=state.st_mtime_ns)
 
 
 def _read_tree(path: Path, mesh: Mesh) -> VertexTree | None:
@@ -149,7 +137,7 @@ def _read_tree(path: Path, mesh: Mesh) -> VertexTree | None:
     return VertexTree(triangles=mesh.triangles, **{**_NO_INNER_NODES, **held})
 
 
-def _write(folder: Path, mesh: Mesh, tree: VertexTree, source: MeshSource) -> int:
+def _write(folder: Path, mesh: Mesh, tree: VertexTree, source: MadeOf) -> int:
     """Fill a folder; its bytes."""
     header = MeshHeader(triangles=mesh.size, vertices=tree.vertices, nodes=len(tree.position), source=source)
     group = zarr.open_group(folder, mode="w", zarr_format=3, attributes={"limen": msgspec.to_builtins(header)})

@@ -16,7 +16,7 @@ from limen.data.store.report import one_line
 from limen.errors import FormatError
 from limen.geometry import Floats
 
-__all__ = ["Batch", "Cloud", "Stretch", "open_cloud", "reading_cloud", "stretch_of", "unreadable_cloud"]
+__all__ = ["Batch", "Cloud", "Stretch", "open_cloud", "stretch_of", "unreadable_cloud"]
 
 
 _BATCH = 1_000_000
@@ -42,7 +42,8 @@ class Cloud:
 
     ``count`` is what the file says; fewer may come, for those that are marked as withheld or invalid, or have no
     finite position, are left out. ``bounds`` (2, 3) are what the file says, None if it does not. ``colours`` says
-    where they come from. ``unit_m`` is None where nobody knows it, ``crs`` WKT or empty.
+    where they come from. ``read`` gives about so many points at a time, and before each batch how many the file has for
+    it; it may raise anything. ``unit_m`` is None where nobody knows it, ``crs`` WKT or empty.
     """
 
     path: Path
@@ -52,7 +53,7 @@ class Cloud:
     colours: str
     has_normals: bool
     has_intensity: bool
-    read: Callable[[int], Iterator[Batch]]
+    read: Callable[[int], Iterator[tuple[int, Batch]]]
     crs: str = ""
     unit_m: float | None = None
     notes: tuple[str, ...] = ()
@@ -62,12 +63,28 @@ class Cloud:
 
         Raises FormatError, naming the file and what to do, where it is damaged or cut short.
         """
-        for batch in self.read(size):
+        reading, done = self.read(size), 0
+        while True:
+            try:
+                stored, batch = next(reading, (0, None))
+            except Exception as error:  # whoever reads a damaged file raises what they like
+                raise self._damaged(error, done) from error
+            if batch is None:
+                break
+            done += stored
             known = np.isfinite(batch.positions).all(axis=1)
             if known.all():
                 yield batch
             elif known.any():
                 yield Batch._make(None if part is None else part[known] for part in batch)
+        if done < self.count:
+            raise self._damaged(EOFError("the end of the file"), done)
+
+    def _damaged(self, error: BaseException, done: int) -> FormatError:
+        reason = one_line(error)[:200]
+        return FormatError(
+            f"{self.path}: is damaged or cut short after {done:,} of {self.count:,} points ({reason}); copy it again"
+        )
 
     def found_bounds(self) -> Floats:
         """Where points lie, (2, 3): all are read for it. Raises FormatError if none is left, as `batches` does else."""
@@ -130,9 +147,3 @@ def open_cloud(path: str | Path) -> Cloud:
 def unreadable_cloud(path: Path, name: str, error: BaseException) -> FormatError:
     """What to raise where a file of a format is damaged at its beginning."""
     return FormatError(f"{path}: cannot be read as {name} ({one_line(error)[:200]}); copy or export it again")
-
-
-def reading_cloud(path: Path, error: BaseException, done: int, count: int) -> FormatError:
-    """What to raise where a file breaks off."""
-    reason = one_line(error)[:200]
-    return FormatError(f"{path}: is damaged or cut short after {done:,} of {count:,} points ({reason}); copy it again")

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.points.cloud import Batch, Cloud, Stretch, reading_cloud, stretch_of, unreadable_cloud
+from limen.data.points.cloud import Batch, Cloud, Stretch, stretch_of, unreadable_cloud
 from limen.errors import FormatError
 
 __all__ = ["open_e57"]
@@ -62,7 +62,7 @@ def open_e57(path: Path) -> Cloud:
         colours="given" if has_colours else grey,
         has_normals=False,
         has_intensity=stretch is not None,
-        read=lambda size: _read(path, count, _Look(has_colours, stretch), size),
+        read=lambda size: _read(path, _Look(has_colours, stretch), size),
         unit_m=1.0,  # as the standard asks for
     )
 
@@ -90,25 +90,15 @@ def _scan(file: Any, scan: int, wanted: tuple[str, ...], size: int) -> Iterator[
         yield {name: array[:got].copy() for name, array in arrays.items()}
 
 
-def _read(path: Path, count: int, look: _Look, size: int) -> Iterator[Batch]:
+def _read(path: Path, look: _Look, size: int) -> Iterator[tuple[int, Batch]]:
     import pye57
 
-    done = 0
-    try:
-        with pye57.E57(str(path)) as file:
-            for scan in range(file.scan_count):
-                header = file.get_header(scan)
-                if not header.point_count:
-                    continue
+    with pye57.E57(str(path)) as file:
+        for scan in range(file.scan_count):
+            header = file.get_header(scan)
+            if header.point_count:
                 for fields in _scan(file, scan, (*_CARTESIAN, *_SPHERICAL, *_COLOURS, *_INVALID, "intensity"), size):
-                    done += len(next(iter(fields.values())))
-                    yield _batch(header, fields, look)
-    except GeneratorExit:
-        raise
-    except Exception as error:
-        raise reading_cloud(path, error, done, count) from error
-    if done < count:
-        raise reading_cloud(path, EOFError("the end of the file"), done, count)
+                    yield len(next(iter(fields.values()))), _batch(header, fields, look)
 
 
 def _batch(header: Any, fields: dict[str, NDArray[np.float64]], look: _Look) -> Batch:

@@ -211,7 +211,7 @@ class _Ingest:
                 raise
 
     def _header(self, read: _Read, origin: Floats) -> PointsHeader:
-        cloud, state = self.cloud, self.cloud.path.stat()
+        cloud = self.cloud
         left_out = cloud.count - len(read.points)
         note = f"{left_out:,} points left out: withheld, invalid, or without a finite position"
         return PointsHeader(
@@ -226,12 +226,8 @@ class _Ingest:
             unit_m=cloud.unit_m,
             white_cd_m2=self.photometry.white_cd_m2,
             black_cd_m2=self.photometry.dark_cd_m2,
-            source=CloudSource(
-                name=cloud.path.name,
-                bytes=state.st_size,
-                mtime_ns=state.st_mtime_ns,
-                format=cloud.format,
-                notes=(*cloud.notes, note) if left_out > 0 else cloud.notes,
+            source=CloudSource.of(
+                cloud.path, format=cloud.format, notes=(*cloud.notes, note) if left_out > 0 else cloud.notes
             ),
         )
 

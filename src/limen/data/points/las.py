@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.points.cloud import Batch, Cloud, Stretch, reading_cloud, stretch_of, unreadable_cloud
+from limen.data.points.cloud import Batch, Cloud, Stretch, stretch_of, unreadable_cloud
 from limen.errors import FormatError
 from limen.geometry import Floats
 
@@ -65,7 +65,7 @@ def open_las(path: Path) -> Cloud:
         colours=look.colours,
         has_normals=False,
         has_intensity=look.stretch is not None,
-        read=lambda size: _read(path, count, look, size),
+        read=lambda size: _read(path, look, size),
         crs=crs,
         unit_m=unit_m,
         notes=() if unit_m else ("the file does not say what its unit is",),
@@ -109,21 +109,12 @@ def _chunk_points(header: Any) -> int | None:
     return 1
 
 
-def _read(path: Path, count: int, look: _Look, size: int) -> Iterator[Batch]:
+def _read(path: Path, look: _Look, size: int) -> Iterator[tuple[int, Batch]]:
     import laspy
 
-    done = 0
-    try:
-        with laspy.open(path) as reader:
-            for record in reader.chunk_iterator(size):
-                done += len(record)
-                yield _batch(record, reader.header, look)
-    except GeneratorExit:
-        raise
-    except Exception as error:
-        raise reading_cloud(path, error, done, count) from error
-    if done < count:
-        raise reading_cloud(path, EOFError("the end of the file"), done, count)
+    with laspy.open(path) as reader:
+        for record in reader.chunk_iterator(size):
+            yield len(record), _batch(record, reader.header, look)
 
 
 def _batch(record: Any, header: Any, look: _Look) -> Batch:

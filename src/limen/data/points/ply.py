@@ -7,6 +7,7 @@ Turk 1994, *The PLY Polygon File Format*.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.points.cloud import Batch, Cloud, Stretch, reading_cloud, stretch_of
+from limen.data.points.cloud import Batch, Cloud, Stretch, stretch_of
 from limen.errors import FormatError
 
 __all__ = ["open_ply"]
@@ -71,7 +72,7 @@ def open_ply(path: Path) -> Cloud:
         colours=f"{header.dtype[look.colours[0]].name}" if look.colours else grey,
         has_normals=bool(look.normals),
         has_intensity=look.stretch is not None,
-        read=lambda size: (_batch(rows, look) for rows in _rows(path, header, size)),
+        read=lambda size: ((len(rows), _batch(rows, look)) for rows in _rows(path, header, size)),
         notes=("the file does not say what its unit is",),
     )
 
@@ -116,13 +117,8 @@ def _elements(words: list[list[str]]) -> Iterator[tuple[list[str], list[list[str
 
 
 def _rows(path: Path, header: _Header, size: int) -> Iterator[NDArray[Any]]:
-    """Structured arrays of about ``size`` points. Raises FormatError where the file is damaged or cut short."""
-    done = 0
-    for rows in _text(path, header, size) if header.order == "=" else _binary(path, header, size):
-        yield rows
-        done += len(rows)
-    if done < header.points:
-        raise reading_cloud(path, EOFError("the end of the file"), done, header.points)
+    """Structured arrays of about ``size`` points."""
+    return _text(path, header, size) if header.order == "=" else _binary(path, header, size)
 
 
 def _binary(path: Path, header: _Header, size: int) -> Iterator[NDArray[Any]]:
@@ -147,14 +143,9 @@ def _text(path: Path, header: _Header, size: int) -> Iterator[NDArray[Any]]:
             lines = list(itertools.islice(file, min(size, header.points - first)))
             if not lines:
                 return
-            try:
-                numbers = np.array(b" ".join(lines).split(), dtype=np.float64)
-            except ValueError as error:
-                raise reading_cloud(path, error, first, header.points) from error
+            numbers = np.array(b" ".join(lines).split(), dtype=np.float64)
             if len(numbers) != width * len(lines):
-                raise reading_cloud(
-                    path, ValueError(f"a line without {width} numbers"), first, header.points
-                )  # fmt: skip
+                raise ValueError(f"a line without {width} numbers")
             rows = np.empty(len(lines), header.dtype)
             for k, name in enumerate(header.dtype.names or ()):
                 rows[name] = numbers[k::width]
@@ -165,7 +156,9 @@ def _text(path: Path, header: _Header, size: int) -> Iterator[NDArray[Any]]:
 def _sample(path: Path, header: _Header) -> NDArray[Any]:
     """Points from all over the file; of text, from its beginning."""
     if header.order == "=":
-        return next(_text(path, header, _SAMPLES * _SAMPLE_POINTS), np.empty(0, header.dtype))
+        with contextlib.suppress(ValueError):  # whoever reads the points says what is wrong
+            return next(_text(path, header, _SAMPLES * _SAMPLE_POINTS), np.empty(0, header.dtype))
+        return np.empty(0, header.dtype)
     parts = []
     with path.open("rb") as file:
         each = min(_SAMPLE_POINTS, -(-header.points // _SAMPLES))

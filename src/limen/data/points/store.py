@@ -18,7 +18,7 @@ import msgspec
 import zarr
 
 from limen.data.points.nodes import CHUNK_NODES, NODE
-from limen.data.store.zarr_group import create_array
+from limen.data.store.zarr_group import MadeOf, create_array
 
 __all__ = ["CHUNKS_A_SHARD", "VERSION", "CloudSource", "PointsHeader", "create_chunks"]
 
@@ -26,12 +26,9 @@ VERSION = 1
 CHUNKS_A_SHARD = 64
 
 
-class CloudSource(msgspec.Struct, frozen=True, kw_only=True):
+class CloudSource(MadeOf, frozen=True, kw_only=True):
     """The file that the points were read from."""
 
-    name: str
-    bytes: int
-    mtime_ns: int
     format: str
     notes: tuple[str, ...] = ()
 

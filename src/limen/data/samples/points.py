@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limen.data.samples.seeds import check_seed
-from limen.data.store.atomic import PartialFile
+from limen.data.store.atomic import partial_file
 from limen.data.store.ingest import Progress
 from limen.data.store.memory import Footprint
 from limen.data.store.report import IngestReport, one_line
@@ -72,7 +72,7 @@ def sample_points(
         raise InputError(f"{path}: the sample is a LAS, LAZ or PLY; give it a name that ends in .las, .laz or .ply")
     _check(size, seed)
     tell = progress or (lambda _: None)
-    with Footprint() as used, PartialFile(path) as file:
+    with Footprint() as used, partial_file(path) as file:
         writers[path.suffix.lower()](file, size, _told(scanned_hall(size, seed), size, tell), path)
     return IngestReport.of("points", path, used, size=size, seed=seed)
 

@@ -19,7 +19,7 @@ from rasterio.windows import Window
 
 from limen.data.samples.seeds import check_seed
 from limen.data.samples.terrain_kernels import heights_of_block
-from limen.data.store.atomic import PartialFile
+from limen.data.store.atomic import partial_file
 from limen.data.store.ingest import Progress
 from limen.data.store.memory import Footprint
 from limen.data.store.report import IngestReport, one_line
@@ -67,10 +67,9 @@ def sample_terrain(
     check_seed(seed)
     if dtype not in ("int16", "float32"):
         raise InputError(f"heights as {dtype} are not made; give int16 or float32")
-    partial = PartialFile(path)
-    with Footprint() as used, partial:
+    with Footprint() as used, partial_file(path) as file:
         try:
-            _write(partial.partial, size, seed, dtype, workers or worker_count(), progress or (lambda _: None))
+            _write(Path(file.name), size, seed, dtype, workers or worker_count(), progress or (lambda _: None))
         except (RasterioError, OSError) as error:
             raise StorageError(
                 f"{path}: cannot be written ({one_line(error.__cause__ or error)}); free some space"

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol, TypeAlias, TypeVar
 
-from limen.data.store.atomic import PartialFolder
-from limen.data.store.zarr_group import MadeOf, is_group_folder, is_made_of
+from limen.data.store.atomic import partial_folder
+from limen.data.store.zarr_group import MadeOf, is_group_folder
 from limen.errors import FormatError, InputError, MissingFileError, NeedsIngestError
 from limen.system import place_in_cache
 
@@ -55,7 +55,7 @@ def new_folder(path: Path, ending: str, noun: str) -> Iterator[Path]:
         raise InputError(f"{path}: the result is a folder that holds {noun}; give it a name that ends in {ending}")
     if path.exists() and not is_group_folder(path):
         raise InputError(f"{path}: is there already, and no {noun.split(' ', 1)[-1]}; remove it, or name another")
-    with PartialFolder(path) as folder:
+    with partial_folder(path) as folder:
         yield folder
 
 
@@ -74,7 +74,8 @@ def kept_in_cache(
     place = place_in_cache(source.stem, key, ending)
     with contextlib.suppress(FormatError, MissingFileError):
         content = open_folder(place)
-        if is_made_of(content.header.source, source):
+        made_of = content.header.source
+        if made_of is not None and made_of.still(source):
             return content
     make(place)
     return open_folder(place)

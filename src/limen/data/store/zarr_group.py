@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import msgspec
 import numpy as np
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import zarr
 
 __all__ = [
-    "FILES", "MadeOf", "checked_header", "create_array", "create_table", "is_group_folder", "is_made_of", "list_files",
+    "FILES", "MadeOf", "checked_header", "create_array", "create_table", "is_group_folder", "list_files",
     "opening", "reading", "seal", "table_of",
 ]  # fmt: skip
 
@@ -80,20 +80,23 @@ def seal(folder: Path) -> int:
     return sum(files.values())
 
 
-class MadeOf(Protocol):
-    """What a folder says of the file that it was made of."""
+class MadeOf(msgspec.Struct, frozen=True, kw_only=True):
+    """The file that a folder was made of, as it was then; kinds add how they read it."""
 
-    @property
-    def bytes(self) -> int: ...
+    name: str
+    bytes: int
+    mtime_ns: int
 
-    @property
-    def mtime_ns(self) -> int: ...
+    @classmethod
+    def of(cls, path: Path, **more: Any) -> Self:
+        """A file as it is now, and what else there is to say of it."""
+        state = path.stat()
+        return cls(name=path.name, bytes=state.st_size, mtime_ns=state.st_mtime_ns, **more)
 
-
-def is_made_of(source: MadeOf | None, path: Path) -> bool:
-    """Whether a file is as it was when something was made of it."""
-    state = path.stat()
-    return source is not None and (source.bytes, source.mtime_ns) == (state.st_size, state.st_mtime_ns)
+    def still(self, path: Path) -> bool:
+        """Whether a file is as it was."""
+        state = path.stat()
+        return (self.bytes, self.mtime_ns) == (state.st_size, state.st_mtime_ns)
 
 
 def is_group_folder(path: Path) -> bool:

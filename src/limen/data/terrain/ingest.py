@@ -232,7 +232,7 @@ class _Ingest:
         return heights, void
 
     def _header(self, survey: _Survey, scale: Scale, errors_m: tuple[float, ...], tables: Tables) -> Header:
-        source, state = self.source, self.source.path.stat()
+        source = self.source
         return Header(
             size_posts=source.size_posts,
             spacing_m=source.spacing_m,
@@ -244,13 +244,7 @@ class _Ingest:
             void_share=survey.voids / math.prod(source.size_posts),
             errors_m=errors_m,
             roots=tables.nodes.roots,
-            source=Source(
-                name=source.path.name,
-                bytes=state.st_size,
-                mtime_ns=state.st_mtime_ns,
-                format=source.format,
-                band=source.band,
-                exact=source.exact,
-                notes=source.notes,
+            source=Source.of(
+                source.path, format=source.format, band=source.band, exact=source.exact, notes=source.notes
             ),
         )

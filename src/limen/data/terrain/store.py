@@ -25,7 +25,7 @@ import msgspec
 import zarr
 
 from limen.data.pages import GUTTER, PAGE, Pyramid
-from limen.data.store.zarr_group import create_array
+from limen.data.store.zarr_group import MadeOf, create_array
 
 __all__ = [
     "BLOCK",
@@ -60,12 +60,9 @@ POSTS_A_CHUNK = 512
 CHUNKS_A_SHARD = 16
 
 
-class Source(msgspec.Struct, frozen=True, kw_only=True):
+class Source(MadeOf, frozen=True, kw_only=True):
     """The file that a terrain was made from, and how it was read."""
 
-    name: str
-    bytes: int
-    mtime_ns: int
     format: str
     band: int
     exact: bool

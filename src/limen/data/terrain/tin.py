@@ -14,7 +14,7 @@ from limen.data.terrain.border_kernels import Border
 from limen.data.terrain.delaunay_kernels import TRIANGLES, VERTICES, DelaunayMesh
 from limen.errors import InputError
 
-__all__ = ["LARGEST", "Growth", "Tin", "grow", "refine"]
+__all__ = ["LARGEST", "Growth", "Tin", "grow"]
 
 LARGEST = 8192
 """Posts along a side at most: up to here every geometric predicate is exact."""
@@ -40,8 +40,8 @@ class Growth(NamedTuple):
     posts: NDArray[np.int32]  # (V, 2)
 
 
-def checked_heights(heights_m: NDArray[np.float32], void: NDArray[np.bool_] | None) -> tuple[int, int]:
-    """Rows and columns; raises InputError where they cannot be triangulated."""
+def _check_heights(heights_m: NDArray[np.float32], void: NDArray[np.bool_] | None) -> None:
+    """Raises InputError where heights cannot be triangulated."""
     if heights_m.ndim != 2 or min(heights_m.shape) < 2 or max(heights_m.shape) > LARGEST:
         raise InputError(f"heights_m: shape {heights_m.shape}; give 2 to {LARGEST} rows and columns of posts")
     if heights_m.dtype != np.float32:
@@ -50,11 +50,9 @@ def checked_heights(heights_m: NDArray[np.float32], void: NDArray[np.bool_] | No
         raise InputError("heights_m: not all finite; fill the posts without data and name them in void")
     if void is not None and void.shape != heights_m.shape:
         raise InputError(f"void: shape {void.shape}; give that of heights_m, {heights_m.shape}")
-    rows, columns = heights_m.shape
-    return rows, columns
 
 
-def checked_errors(errors_m: Sequence[float]) -> list[float]:
+def _checked_errors(errors_m: Sequence[float]) -> list[float]:
     """A ladder of errors; raises InputError where it does not descend."""
     errors = [float(error_m) for error_m in errors_m]
     if not errors or not all(np.isfinite(errors)) or errors[-1] < 0.0:
@@ -176,32 +174,9 @@ def grow(
     heights_m: NDArray[np.float32],
     void: NDArray[np.bool_] | None,
     errors_m: Sequence[float],
-    max_triangles: int | None,
+    max_triangles: int | None = None,
     seeds: NDArray[np.int32] | None = None,
 ) -> Growth:
-    """As `refine`, beginning with inner posts ``seeds`` (S, 2) as vertices; says where a next run may begin, too."""
-    run = _Run(heights_m, void)
-    if seeds is not None:
-        run.seed(seeds)
-    tins: list[Tin] = []
-    for error_m in errors_m:
-        if tins and tins[-1].error_m <= error_m:
-            tins.append(tins[-1])
-            continue
-        run.split_borders(error_m)
-        most = max_triangles if max_triangles is not None and tins else run.limits[0]
-        if not run.improve(error_m, most):
-            break
-        tins.append(run.tin())
-    return Growth(tins, run.posts)
-
-
-def refine(
-    heights_m: NDArray[np.float32],
-    void: NDArray[np.bool_] | None,
-    errors_m: Sequence[float],
-    max_triangles: int | None = None,
-) -> list[Tin]:
     """Triangulate a rectangle of posts at descending errors, by one greedy run (Garland, Heckbert 1995, algorithm IV).
 
     Every step keeps the vertices of the one before and inserts the post that is farthest off until none is too far, and
@@ -220,12 +195,14 @@ def refine(
         Vertical errors in metres, descending, at least one.
     max_triangles
         Stop before the first step that would have more; the first step is always kept.
+    seeds
+        Inner posts (S, 2) to begin with as vertices.
 
     Returns
     -------
-    list[Tin]
-        One for each step done; a step that needs no more vertices than the one before is the same object. The
-        ``error_m`` of a step is at most its entry in ``errors_m``, and exceeded nowhere, at posts or between them,
+    Growth
+        A triangulation for each step done; a step that needs no more vertices than the one before is the same object.
+        The ``error_m`` of a step is at most its entry in ``errors_m``, and exceeded nowhere, at posts or between them,
         whatever posts are added to borders.
 
     Raises
@@ -233,5 +210,19 @@ def refine(
     InputError
         For heights or errors that cannot be worked with.
     """
-    checked_heights(heights_m, void)
-    return grow(heights_m, void, checked_errors(errors_m), max_triangles).tins
+    _check_heights(heights_m, void)
+    errors_m = _checked_errors(errors_m)
+    run = _Run(heights_m, void)
+    if seeds is not None:
+        run.seed(seeds)
+    tins: list[Tin] = []
+    for error_m in errors_m:
+        if tins and tins[-1].error_m <= error_m:
+            tins.append(tins[-1])
+            continue
+        run.split_borders(error_m)
+        most = max_triangles if max_triangles is not None and tins else run.limits[0]
+        if not run.improve(error_m, most):
+            break
+        tins.append(run.tin())
+    return Growth(tins, run.posts)

@@ -6,17 +6,17 @@ that it had chosen by then and carry on with the next step. So the posts of a no
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from limen.data.terrain.model import Nodes, Patch, PatchTable, Sides
-from limen.data.terrain.tin import Growth, Tin, checked_errors, checked_heights, grow
+from limen.data.terrain.model import Patch, Sides
+from limen.data.terrain.tin import Growth, Tin, grow
 
-__all__ = ["Block", "Grown", "build_tree", "collect", "exact_patch", "grow_tree"]
+__all__ = ["Grown", "exact_patch", "grow_tree"]
 
 Rect = tuple[int, int, int, int]
 
@@ -31,14 +31,6 @@ class Grown(NamedTuple):
     ]  # which of the quarters exist: top left, top right, bottom left, bottom right
     patches: list[Patch]  # the coarsest first
     errors_m: list[float]  # of the patches
-
-
-class Block(NamedTuple):
-    """A root and all below it, level by level; ``contents`` is None for patches that `exact_patch` makes."""
-
-    nodes: Nodes
-    patches: PatchTable
-    contents: list[Patch | None]
 
 
 class _Task(NamedTuple):
@@ -179,8 +171,8 @@ def grow_tree(
     threads
         Nodes of a level are triangulated side by side.
     """
-    rows, columns = checked_heights(heights_m, void)
-    source = _Source(heights_m, void, checked_errors(errors_m), origin, leaf, max_triangles)
+    rows, columns = heights_m.shape
+    source = _Source(heights_m, void, list(errors_m), origin, leaf, max_triangles)
     rect = (0, 0, columns - 1, rows - 1)
     level = [_Task(rect, _fitting_size(rect, leaf), 0, np.inf, np.empty((0, 2), np.int32))]
     with ThreadPoolExecutor(threads) as pool:
@@ -190,62 +182,3 @@ def grow_tree(
                 next_level += [child for child in children if child is not None]
                 yield node
             level = next_level
-
-
-def collect(grown: Iterable[Grown]) -> Block:
-    """Number the nodes and patches of `grow_tree`; a leaf gets its exact patch on top of the others."""
-    rects, bounds, children, first_patch = [], [], [], [0]
-    rows: list[tuple[int, float, int, int]] = []
-    contents: list[Patch | None] = []
-    known = 1
-    for number, node in enumerate(grown):
-        rects.append(node.rect)
-        bounds.append(node.low_high_m)
-        children.append([-1] * 4)
-        for quarter, exists in enumerate(node.children):
-            if exists:
-                children[-1][quarter], known = known, known + 1
-        for patch, error_m in zip(node.patches, node.errors_m, strict=True):
-            rows.append((number, error_m, len(patch.posts), len(patch.core) + len(patch.rims)))
-        contents += node.patches
-        if not any(node.children):
-            width, height = node.rect[2] - node.rect[0], node.rect[3] - node.rect[1]
-            rows.append((number, 0.0, (width + 1) * (height + 1), 2 * width * height))
-            contents.append(None)
-        first_patch.append(len(rows))
-    of_node, errors_m, vertices, triangles = zip(*rows, strict=True)
-    nodes = Nodes(
-        np.array(rects, np.int32),
-        np.array(bounds, np.float32),
-        np.array(children, np.int32),
-        np.array(first_patch, np.int32),
-        1,
-    )
-    table = PatchTable(
-        np.array(of_node, np.int32),
-        _rounded_up(np.array(errors_m)),
-        np.array(vertices, np.int32),
-        np.array(triangles, np.int32),
-    )
-    return Block(nodes, table, contents)
-
-
-def _rounded_up(errors_m: NDArray[np.float64]) -> NDArray[np.float32]:
-    nearest = errors_m.astype(np.float32)
-    return np.where(nearest < errors_m, np.nextafter(nearest, np.float32(np.inf)), nearest).astype(np.float32)
-
-
-def build_tree(
-    heights_m: NDArray[np.float32],
-    void: NDArray[np.bool_] | None,
-    errors_m: Sequence[float],
-    *,
-    origin: tuple[int, int] = (0, 0),
-    leaf: int = 128,
-    max_triangles: int = 4096,
-    threads: int = 2,
-) -> Block:
-    """The whole tree of `grow_tree` in memory."""
-    return collect(
-        grow_tree(heights_m, void, errors_m, origin=origin, leaf=leaf, max_triangles=max_triangles, threads=threads)
-    )
