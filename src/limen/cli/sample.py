@@ -40,10 +40,8 @@ def sample(
         Width by height of an image; the wall of a room of 416 panels, 133120 x 11520, unless given.
     """
     output = Output(common)
-    asked = {"gigapixels": gigapixels, "aspect": aspect}
+    asked = {"gigapixels": gigapixels, "size": size, "aspect": aspect}
     given = {name: value for name, value in asked.items() if value is not None}
     with output.progress(f"making {out.name}", 1000) as step:
-        report = opening.sample(
-            kind, out, size=size, seed=seed, progress=lambda done: step.to(round(1000 * done)), **given
-        )
+        report = opening.sample(kind, out, seed=seed, progress=lambda done: step.to(round(1000 * done)), **given)
     output.report(report, opening.KINDS[kind].items)

@@ -5,7 +5,7 @@ What reads or makes a kind takes up to a second to import, so functions stand he
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -162,31 +162,13 @@ def open_picture(path: str | Path) -> Image:
 
 
 def kind_of_file(path: str | Path) -> str:
-    """The kind of what is in a file or a folder, by its name and its first bytes.
-
-    A file of a format that another package reads is read for it.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    FormatError
-        If it is empty, or its reader refuses it.
-    """
+    """The kind of what is in a file or folder; what another package reads is read for it. Raises as `open_content`."""
     found = _found(path)
     return found if isinstance(found, str) else str(found(Path(path)).kind)
 
 
 def info(path: str | Path) -> Info:
-    """What a file is, or what was made ready in a folder; nothing is made ready for that.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    FormatError
-        If it is no data, damaged or cut short.
-    """
+    """What a file is, or what was made ready in a folder; nothing is made ready for that. Raises as `open_content`."""
     found = _found(path)
     told: Info = _named(KINDS[found].info)(path) if isinstance(found, str) else found(Path(path)).info()
     return told
@@ -195,21 +177,13 @@ def info(path: str | Path) -> Info:
 def ingest(src: str | Path, dst: str | Path, *, progress: Progress | None = None, **options: Any) -> IngestReport:
     """Make a file ready as what the name ``dst`` asks for, see ``endings`` of `DataKind`.
 
-    ``dst`` appears, or is replaced, only when all is written; on any error nothing is left behind.
-
-    Parameters
-    ----------
-    progress
-        Is called with the fraction done, 0 ... 1.
-    options
-        Those that the kind's own function hears.
+    ``dst`` appears, or is replaced, only when all is written; on any error nothing is left behind. ``progress`` is
+    called with the fraction done, 0 ... 1; ``options`` are those of the kind's own function.
 
     Raises
     ------
-    MissingFileError
-        If there is no such file.
-    FormatError
-        If ``src`` cannot be used, or read only in part.
+    MissingFileError, FormatError
+        If there is no such file, or it cannot be used, or read only in part.
     InputError
         If an option is for another kind, ``dst`` is something else already, or named as another kind than ``src`` is.
     StorageError
@@ -217,11 +191,9 @@ def ingest(src: str | Path, dst: str | Path, *, progress: Progress | None = None
     """
     src, dst = Path(src), Path(dst)
     target = next((name for name, kind in KINDS.items() if dst.suffix.lower() in kind.endings), _REST)
-    for option in options:
-        if option not in KINDS[target].ingests_with:
-            of = [kind for kind in KINDS.values() if option in kind.ingests_with]
-            cure = f"leave it out, or name DST so: {dst.with_suffix(of[0].endings[0])}" if of else "leave it out"
-            raise _not_for(option, of, cure)
+    for option in (each for each in options if each not in KINDS[target].ingests_with):
+        of = [kind for kind in KINDS.values() if option in kind.ingests_with]
+        raise _not_for(option, of, f"leave it out, or name DST so: {dst.with_suffix(of[0].endings[0])}" if of else "")
     found = _found(src)
     if not isinstance(found, str):
         raise InputError(f"{src}: is read by another package, and cannot be made ready; it is opened as it is")
@@ -232,25 +204,13 @@ def ingest(src: str | Path, dst: str | Path, *, progress: Progress | None = None
     return report
 
 
-def sample(
-    kind: str,
-    path: str | Path,
-    *,
-    size: int | None = None,
-    seed: int = 0,
-    progress: Progress | None = None,
-    **options: Any,
-) -> IngestReport:
-    """Make deterministic data of a kind: the same bytes on every run, another world for every seed.
+def sample(kind: str, path: str | Path, *, progress: Progress | None = None, **options: Any) -> IngestReport:
+    """Make deterministic data of a kind: the same bytes on every run, another world for every ``seed``.
 
     Parameters
     ----------
-    size
-        How large: see ``side`` of the kind. By default what the kind's own function takes.
-    progress
-        Is called with the fraction done, 0 ... 1.
     options
-        Those that the kind's own function hears.
+        ``seed``, ``size`` (see ``side`` of the kind), and those of the kind's own function, which has the defaults.
 
     Raises
     ------
@@ -261,13 +221,10 @@ def sample(
     """
     if kind not in KINDS:
         raise InputError(f"there is no sample of kind {kind!r}; the kinds are {', '.join(KINDS)}")
-    for option in options:
-        if option not in KINDS[kind].samples_with:
-            of = [each for each in KINDS.values() if option in each.samples_with]
-            raise _not_for(option, of, f"leave it out; --size says how many {KINDS[kind].side}")
-    if size is not None:
-        options["size"] = size
-    report: IngestReport = _named(KINDS[kind].sample)(path, seed=seed, progress=progress, **options)
+    for option in (each for each in options if each not in ("seed", "size", *KINDS[kind].samples_with)):
+        of = [each for each in KINDS.values() if option in each.samples_with]
+        raise _not_for(option, of, f"leave it out; --size says how many {KINDS[kind].side}")
+    report: IngestReport = _named(KINDS[kind].sample)(path, progress=progress, **options)
     return report
 
 
@@ -285,6 +242,6 @@ def _named(name: str) -> Any:
     return getattr(import_module(module), part)
 
 
-def _not_for(option: str, kinds: list[DataKind], cure: str) -> InputError:
+def _not_for(option: str, kinds: Sequence[DataKind], cure: str) -> InputError:
     of = " and ".join(kind.plural for kind in kinds) or "nothing here"
-    return InputError(f"--{option.replace('_', '-')} is of {of}: {cure}")
+    return InputError(f"--{option.replace('_', '-')} is of {of}: {cure or 'leave it out'}")

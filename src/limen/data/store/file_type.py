@@ -15,7 +15,7 @@ def existing_file(path: str | Path) -> Path:
     """The path of a file that exists and holds something; MissingFileError, InputError or FormatError otherwise."""
     path = Path(path)
     if path.is_dir():
-        raise InputError(f"{path}: is a folder; name the image in it")
+        raise InputError(f"{path}: is a folder; name a file in it")
     if not path.exists():
         raise MissingFileError(f"{path}: there is no such file")
     if path.stat().st_size == 0:
