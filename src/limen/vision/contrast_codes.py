@@ -1,8 +1,8 @@
 """Contrast in eight bits.
 
 Hierarchies of points and of vertices carry one byte a node: how far the luminance of what a simplification shows may be
-from that of what it hides. `CONTRAST_OF_CODE` says what the bytes mean, `limen.layers.common.contrast_scale` what an
-eye makes of them.
+from that of what it hides; pyramids of images one a page. `CONTRAST_OF_CODE` says what the bytes mean,
+`limen.layers.common.contrast_scale` what an eye makes of them.
 
 References
 ----------
@@ -25,6 +25,7 @@ FULL_CODE = 255
 _FAINTEST = 0.001  # no eye sees less: sensitivities end below 1000
 
 CONTRAST_OF_CODE: Floats = np.concatenate([[0.0], np.geomspace(_FAINTEST, 1.0, FULL_CODE)])
+CONTRAST_OF_CODE.setflags(write=False)
 """Michelson contrast of every code, shape (256,): 0, then 0.001 to 1 in steps of 2.8 %."""
 
 

@@ -20,6 +20,7 @@ from limen.data.pages import Pyramid
 from limen.data.store.atomic import write_bytes
 from limen.errors import InputError, StorageError
 from limen.system import place_in_cache
+from limen.vision.contrast_codes import CONTRAST_OF_CODE, code_of_contrast
 
 __all__ = [
     "CONTRAST_OF_BYTE",
@@ -40,14 +41,7 @@ _VERSION = 2
 """To be raised whenever the bytes of the same picture would change: older files are then made anew."""
 
 
-def _scale() -> NDArray[np.float64]:
-    scale = 10.0 ** (3.0 * (np.arange(256.0) - 255.0) / 254.0)
-    scale[0] = 0.0
-    scale.setflags(write=False)
-    return scale
-
-
-CONTRAST_OF_BYTE: NDArray[np.float64] = _scale()
+CONTRAST_OF_BYTE = CONTRAST_OF_CODE
 """(256,) the largest contrast that a byte stands for: three decades up to 1; byte 0 is less than a thousandth."""
 
 UNKNOWN = 255
@@ -60,9 +54,7 @@ def byte_of_contrast(contrast: float) -> int:
     >>> byte_of_contrast(0.0), byte_of_contrast(0.00099), byte_of_contrast(0.001), byte_of_contrast(0.01)
     (0, 0, 1, 86)
     """
-    if contrast < CONTRAST_OF_BYTE[1]:
-        return 0
-    return 1 + int(np.searchsorted(CONTRAST_OF_BYTE[1:], min(contrast, 1.0)))
+    return 0 if contrast < CONTRAST_OF_BYTE[1] else int(code_of_contrast(min(contrast, 1.0)))
 
 
 class PageBytes:
