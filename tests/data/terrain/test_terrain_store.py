@@ -10,7 +10,7 @@ import limen.data
 from limen.data.terrain import ingest as terrain_build
 from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import code_range_m, error_ladder_m, ingest_terrain
-from limen.data.terrain.page_kernels import halve_heights, halve_relief
+from limen.data.terrain.page_kernels import halve
 from limen.errors import FormatError, InputError, MissingFileError, NeedsIngestError, PageError
 from support.dems import UTM, hills, write_dem
 
@@ -200,13 +200,13 @@ def test_halving_equals_numpy(seed):
     fine[rng.random((rows, columns)) < 0.4, 3] = 255
     share = fine[..., 3].astype(float)
     coarse = np.empty((-(-rows // 2), -(-columns // 2), 4), np.uint8)
-    halve_relief(fine, coarse)
+    halve(fine, coarse, False)
     mean, mean_share = plain_halving(fine[..., :3].astype(float), share)
     some = mean_share > 0
     assert np.abs(coarse[..., :3] - mean)[some].max(initial=0) <= 0.5 + 1e-9
     assert np.abs(coarse[..., 3] - mean_share).max() <= 0.5 + 1e-9
     code = fine[..., 0].astype(np.int64) * 65536 + fine[..., 1].astype(np.int64) * 256 + fine[..., 2]
-    halve_heights(fine, coarse)
+    halve(fine, coarse, True)
     mean, _ = plain_halving(code[..., None].astype(float), share)
     found = coarse[..., 0].astype(np.int64) * 65536 + coarse[..., 1].astype(np.int64) * 256 + coarse[..., 2]
     assert np.abs(found - mean[..., 0])[some].max(initial=0) <= 0.5 + 1e-6
@@ -219,7 +219,7 @@ def test_halving_again_and_again_has_no_bias():
     mean = texels[..., :3].mean()
     for _ in range(4):
         coarse = np.empty((len(texels) // 2, len(texels) // 2, 4), np.uint8)
-        halve_relief(texels, coarse)
+        halve(texels, coarse, False)
         texels = coarse
     assert abs(texels[..., :3].mean() - mean) < 0.05
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from limen.compiled import compiled
 
-__all__ = ["MOST_CODE", "halve_heights", "halve_relief", "texels_of_posts"]
+__all__ = ["MOST_CODE", "halve", "texels_of_posts"]
 
 MOST_CODE = (1 << 24) - 1
 """The code of the highest height."""
@@ -52,8 +52,11 @@ def _rounded(total: Any, count: Any) -> Any:
 
 
 @compiled
-def halve_relief(fine: Any, coarse: Any) -> None:
-    """Means of 2 x 2 texels weighted by the share of valid posts; uint8 (rows, columns, 4), sizes rounded up."""
+def halve(fine: Any, coarse: Any, whole: bool) -> None:
+    """Means of 2 x 2 texels weighted by the share of valid posts; uint8 (rows, columns, 4), sizes rounded up.
+
+    ``whole``: the three bytes are one number, as of heights; otherwise each is one, as of relief.
+    """
     rows, columns = fine.shape[0], fine.shape[1]
     for j in range(coarse.shape[0]):
         last_row = min(2 * j + 2, rows)
@@ -64,34 +67,17 @@ def halve_relief(fine: Any, coarse: Any) -> None:
             for y in range(2 * j, last_row):
                 for x in range(2 * i, last_column):
                     share += np.int64(fine[y, x, 3])
-            for channel in range(3):
+            for channel in range(1 if whole else 3):
                 total: Any = 0
                 for y in range(2 * j, last_row):
                     for x in range(2 * i, last_column):
-                        weight = np.int64(fine[y, x, 3]) if share > 0 else 1
-                        total += weight * np.int64(fine[y, x, channel])
-                coarse[j, i, channel] = _rounded(total, share if share > 0 else count)
-            coarse[j, i, 3] = _rounded(share, count)
-
-
-@compiled
-def halve_heights(fine: Any, coarse: Any) -> None:
-    """The same of heights, whose three bytes are one number."""
-    rows, columns = fine.shape[0], fine.shape[1]
-    for j in range(coarse.shape[0]):
-        last_row = min(2 * j + 2, rows)
-        for i in range(coarse.shape[1]):
-            last_column = min(2 * i + 2, columns)
-            count = (last_row - 2 * j) * (last_column - 2 * i)
-            share: Any = 0
-            total: Any = 0
-            plain: Any = 0
-            for y in range(2 * j, last_row):
-                for x in range(2 * i, last_column):
-                    code = np.int64(fine[y, x, 0]) * 65536 + np.int64(fine[y, x, 1]) * 256 + np.int64(fine[y, x, 2])
-                    share += np.int64(fine[y, x, 3])
-                    total += np.int64(fine[y, x, 3]) * code
-                    plain += code
-            code = _rounded(total, share) if share > 0 else _rounded(plain, count)
-            coarse[j, i, 0], coarse[j, i, 1], coarse[j, i, 2] = code >> 16, (code >> 8) & 255, code & 255
+                        number = np.int64(fine[y, x, channel])
+                        if whole:
+                            number = number * 65536 + np.int64(fine[y, x, 1]) * 256 + np.int64(fine[y, x, 2])
+                        total += number * np.int64(fine[y, x, 3]) if share > 0 else number
+                mean = _rounded(total, share if share > 0 else count)
+                if whole:
+                    coarse[j, i, 0], coarse[j, i, 1], coarse[j, i, 2] = mean >> 16, (mean >> 8) & 255, mean & 255
+                else:
+                    coarse[j, i, channel] = mean
             coarse[j, i, 3] = _rounded(share, count)

@@ -13,7 +13,7 @@ import zarr
 from numpy.typing import NDArray
 
 from limen.data.pages import GUTTER, PAGE, Level, Pyramid
-from limen.data.terrain.page_kernels import halve_heights, halve_relief, texels_of_posts
+from limen.data.terrain.page_kernels import halve, texels_of_posts
 from limen.data.terrain.store import BLOCK, EDGE, KINDS, create_pages
 
 __all__ = ["MARGIN", "PageWriter", "Scale"]
@@ -22,7 +22,8 @@ MARGIN = GUTTER + 1
 """Posts beyond a block that its pages ask for: gutters, and one more for their normals."""
 
 _PAGES = BLOCK // PAGE
-_HALVE = {"relief": halve_relief, "heights": halve_heights}
+_WHOLE = {"relief": False, "heights": True}
+"""Whether the three bytes of a texel are one number."""
 
 Texels = NDArray[np.uint8]
 
@@ -63,7 +64,8 @@ class PageWriter:
             if self._coarse[kind]:
                 own = texels[kind][row - first[1] :, column - first[0] :][: size[1], : size[0]]
                 top, left = row // 2, column // 2
-                _HALVE[kind](own, self._coarse[kind][0][top:, left:][: -(-size[1] // 2), : -(-size[0] // 2)])
+                coarse = self._coarse[kind][0][top:, left:][: -(-size[1] // 2), : -(-size[0] // 2)]
+                halve(own, coarse, _WHOLE[kind])
             texels[kind] = np.empty((0, 0, 4), np.uint8)
 
     def finish(self, done: Callable[[float], None]) -> None:
@@ -109,7 +111,7 @@ def _shards(level: Level) -> Iterator[tuple[int, int]]:
 
 def _halve_bands(kind: str, fine: Texels, coarse: Texels) -> None:
     for top in range(0, coarse.shape[0], PAGE):
-        _HALVE[kind](fine[2 * top : 2 * (top + PAGE)], coarse[top : top + PAGE])
+        halve(fine[2 * top : 2 * (top + PAGE)], coarse[top : top + PAGE], _WHOLE[kind])
 
 
 def _texels(level: Level, folder: Path) -> Any:
