@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import limen
+from limen.cli.app import main
+from limen.data import opening
 from limen.data.samples.mesh import torus_knot
 from limen.errors import InputError
 from limen.extensions import extension
@@ -49,12 +51,18 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_file_format_is_opened_by_its_ending(installed: Path) -> None:
+def test_a_file_format_is_opened_by_its_ending(installed: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (installed / "scan.xyz").write_text("0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n")
     points: Any = limen.open(installed / "scan.xyz")
     assert (points.kind, points.size) == ("points", 3)
     (layer,) = Show([installed / "scan.xyz"]).layers
     assert layer.kind == "points"
+    assert opening.kind_of_file(installed / "scan.xyz") == "points"
+    with pytest.raises(SystemExit, match="0"):
+        main(["info", str(installed / "scan.xyz")])
+    assert f"{installed / 'scan.xyz'}: points" in capsys.readouterr().out
+    with pytest.raises(InputError, match=r"scan\.xyz: is read by another package, and cannot be made ready"):
+        opening.ingest(installed / "scan.xyz", installed / "scan.points")
 
 
 def test_a_tracker_is_opened_by_its_name(installed: Path) -> None:

@@ -24,7 +24,7 @@ def info(file: Path, *, common: Common = DEFAULT) -> None:
     found = opening.info(file)
     out.result(found)
     told = found.described()
-    out.line(f"{found.path}: {found.kind}, {told.summary}")
+    out.line(f"{found.path or file}: {found.kind}, {told.summary}")
     out.facts(told.facts)
     for note in told.notes:
         out.line(f"  {note}")

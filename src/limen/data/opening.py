@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from limen.data.store.file_type import existing_file
 from limen.data.store.ingest import Progress
 from limen.data.store.report import Info, IngestReport
 from limen.data.store.tile_cache import CACHE_BYTES
@@ -189,7 +190,7 @@ def ingest(src: str | Path, dst: str | Path, *, progress: Progress | None = None
     StorageError
         If the disk refuses.
     """
-    src, dst = Path(src), Path(dst)
+    src, dst = existing_file(src), Path(dst)
     target = next((name for name, kind in KINDS.items() if dst.suffix.lower() in kind.endings), _REST)
     for option in (each for each in options if each not in KINDS[target].ingests_with):
         of = [kind for kind in KINDS.values() if option in kind.ingests_with]

@@ -103,8 +103,8 @@ class ImageInfo(msgspec.Struct, frozen=True, kw_only=True):
         ]
         if self.faint_share is not None:
             columns.append("finer adds < 1 %")
-            for row, share in zip(rows[1:], self.faint_share, strict=True):
-                row.append(f"{100 * share:.1f} %")
+            for row, share in zip(rows, ["", *(f"{100 * share:.1f} %" for share in self.faint_share)], strict=True):
+                row.append(share)
         stored = f"{self.format} ({self.compression}, {self.bits} bits), {amount(self.bytes)}"
         return Description(stored, facts, columns=columns, rows=rows)
 
