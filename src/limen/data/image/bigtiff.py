@@ -9,16 +9,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 import imagecodecs
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
-
-from limen.data.store.atomic import partial_file
 
 __all__ = ["SOFTWARE", "BigTiffWriter", "DeflateTiles", "JpegTiles", "TileCoder"]
 
@@ -106,36 +102,19 @@ def _split_jpeg(data: bytes) -> tuple[bytes, bytes]:
 
 
 class BigTiffWriter:
-    """A BigTIFF that appears at ``path`` only when it is complete; a context manager.
+    """Writes a BigTIFF. Tiles of one level must come row by row; tiles of different levels may interleave."""
 
-    Tiles of one level must come row by row; tiles of different levels may interleave.
-    """
-
-    def __init__(self, path: Path, coder: TileCoder, tile_px: int) -> None:
-        self._partial = partial_file(path)
+    def __init__(self, file: BinaryIO, coder: TileCoder, tile_px: int) -> None:
+        self._file = file
         self._coder, self._tile_px = coder, tile_px
         self._offsets: list[list[int]] = []
         self._counts: list[list[int]] = []
         self._at = 16
-
-    def __enter__(self) -> BigTiffWriter:
-        self._file: BinaryIO = self._partial.__enter__()
         self._file.write(struct.pack("<2sHHHQ", b"II", 43, 8, 0, 0))
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._partial.__exit__(kind, error, trace)
 
     @property
     def bytes_written(self) -> int:
         return self._at
-
-    @property
-    def partial(self) -> Path:
-        """Where the file lies until it is complete; it can be read once ``finish`` was called."""
-        return Path(self._file.name)
 
     def add(self, level: int, tile: bytes) -> None:
         """Append one encoded tile."""

@@ -23,6 +23,7 @@ from limen.data.image.contrast_file import write_contrast
 from limen.data.image.file import open_image
 from limen.data.image.halving_kernels import HALO, halve_rows
 from limen.data.pages import PAGE, Pyramid
+from limen.data.store.atomic import partial_file
 from limen.data.store.ingest import Progress
 from limen.data.store.resample import HALVING_TAPS, LINEAR_OF_SRGB, SRGB_OF_LINEAR
 from limen.errors import StorageError
@@ -62,13 +63,14 @@ class PyramidWriter:
         self.path = path
         self._progress = progress or (lambda _: None)
         self.pyramid = Pyramid.of(size_px)
-        self._tiff = BigTiffWriter(path, coder, PAGE)
+        self._partial = partial_file(path)
         self._workers = workers or worker_count()
         self._coder = coder
         self._rows_done = 0
 
     def __enter__(self) -> PyramidWriter:
-        self._tiff.__enter__()
+        self._file = self._partial.__enter__()
+        self._tiff = BigTiffWriter(self._file, self._coder, PAGE)
         self.pool = ThreadPoolExecutor(self._workers, thread_name_prefix="limen-pyramid")
         self._finest = _LevelRows(self, 0)
         return self
@@ -79,10 +81,10 @@ class PyramidWriter:
         self.pool.shutdown(wait=True, cancel_futures=True)
         if kind is None and self._rows_done != self.pyramid.size_px[1]:
             error = AssertionError(f"{self._rows_done} of {self.pyramid.size_px[1]} rows were pushed")
-            self._tiff.__exit__(type(error), error, None)
+            self._partial.__exit__(type(error), error, None)
             raise error
         try:
-            self._tiff.__exit__(kind, error, trace)
+            self._partial.__exit__(kind, error, trace)
         except StorageError as full:
             needed = int(self.bytes_written * self.pyramid.size_px[1] / max(self._rows_done, 1))
             raise StorageError(
@@ -103,7 +105,7 @@ class PyramidWriter:
             self._progress(_SHARE_OF_ROWS * self._rows_done / self.pyramid.size_px[1])
 
     def _measure_contrast(self) -> None:
-        with open_image(self._tiff.partial, cache_bytes=_SURVEY_CACHE_BYTES) as image:
+        with open_image(self._file.name, cache_bytes=_SURVEY_CACHE_BYTES) as image:
             with ContrastSurvey(image, workers=self._workers, keep=False) as survey:
                 survey.run(lambda done: self._progress(_SHARE_OF_ROWS + (1 - _SHARE_OF_ROWS) * done))
             self._contrast = survey.pages
