@@ -1,14 +1,18 @@
-"""What this machine offers: cores to work with, a folder for what can be made again."""
+"""What this machine offers: cores to work with, a folder for what can be made again; and when Ctrl-C comes."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
+import signal
 import stat
 import tempfile
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["cache_folder", "place_in_cache", "worker_count"]
+__all__ = ["cache_folder", "interrupts_later", "place_in_cache", "worker_count"]
 
 
 def worker_count() -> int:
@@ -49,3 +53,19 @@ def _temporary_folder() -> Path:
 def place_in_cache(name: str, key: str, ending: str) -> Path:
     """Where the cache keeps what ``key`` tells apart from all else; ``name`` is for people who look into it."""
     return cache_folder() / f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:12]}{ending}"
+
+
+@contextlib.contextmanager
+def interrupts_later() -> Iterator[None]:
+    """Ctrl-C waits until the end of what would swallow it, as packages do that try what they can import."""
+    if threading.current_thread() is not threading.main_thread():  # which alone is interrupted
+        yield
+        return
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+        if came:
+            signal.raise_signal(signal.SIGINT)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import threading
+
 import pytest
 
 from limen.cli.app import main
+from limen.system import interrupts_later
 from support.processes import PYTHON, finished
 
 DROPPED = """
@@ -45,3 +50,34 @@ def test_an_import_that_was_interrupted_is_no_fault(
         main(["doctor"])
     assert ended.value.code == 130
     assert capsys.readouterr().err == "limen: interrupted\n"
+
+
+def test_an_interrupt_that_a_package_would_swallow_comes_after_it() -> None:
+    """trimesh takes one while it is imported for a package that is missing, and goes on without."""
+    done = []
+
+    def work() -> None:
+        with interrupts_later():
+            with contextlib.suppress(BaseException):
+                signal.raise_signal(signal.SIGINT)
+            done.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done
+    with interrupts_later():
+        pass
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_other_threads_are_left_alone() -> None:
+    seen = []
+
+    def work() -> None:
+        with interrupts_later():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [signal.default_int_handler]

@@ -14,6 +14,7 @@ import numpy as np
 
 from limen.display.mesh import PolygonMesh
 from limen.errors import FormatError, MissingFileError
+from limen.system import interrupts_later
 
 __all__ = ["INSTALL_3MF", "MESH_SUFFIXES", "read_mesh"]
 
@@ -114,7 +115,8 @@ def _read_ply(path: Path) -> tuple[list[list[float]], _Faces]:
 
 
 def _read_triangles(path: Path) -> tuple[list[list[float]], _Faces]:
-    import trimesh
+    with interrupts_later():
+        import trimesh
 
     try:
         mesh = trimesh.load_mesh(path)

@@ -25,6 +25,7 @@ from limen.data.store.report import one_line
 from limen.data.store.resample import linear_of_srgb, srgb_of_linear
 from limen.display.meshfile import INSTALL_3MF
 from limen.errors import FormatError
+from limen.system import interrupts_later
 
 __all__ = ["read_mesh"]
 
@@ -73,7 +74,8 @@ def read_mesh(path: str | Path) -> Mesh:
 
 def _read(path: Path, kind: str) -> list[_Part]:
     """What trimesh makes of a file; whatever a damaged one makes it raise, or hand over, becomes one line."""
-    import trimesh
+    with interrupts_later():
+        import trimesh
 
     _check_length(path, kind)
     try:

@@ -17,6 +17,7 @@ from limen.data.store.ingest import Progress
 from limen.data.store.memory import Footprint
 from limen.data.store.report import IngestReport
 from limen.errors import InputError
+from limen.system import interrupts_later
 
 __all__ = ["KNOT_TRIANGLES", "ripple", "sample_mesh", "torus_knot"]
 
@@ -204,7 +205,8 @@ def _as_ply(mesh: Mesh) -> bytes:
 
 
 def _as_glb(mesh: Mesh) -> bytes:
-    import trimesh
+    with interrupts_later():
+        import trimesh
     from PIL import Image as Picture
 
     material = trimesh.visual.material.PBRMaterial(
