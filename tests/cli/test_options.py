@@ -22,7 +22,7 @@ from limen.cli.heard import SHOW, TRAFFIC, VERIFY
 from support.desk import WALL, Desk
 
 COMMON = {"--json", "--quiet", "--verbose"}
-PAGE = Path(__file__).resolve().parents[2] / "docs/options.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs/reference/options.md"
 
 
 # ---------------------------------------------------------------- all options there are

@@ -30,7 +30,7 @@ def test_rows_hold_the_worst_window(observer: Observer, page: np.ndarray) -> Non
 
 
 def test_what_pages_are_halved_and_drawn_with_passes_at_the_acuity_that_levels_switch_at(observer: Observer) -> None:
-    """The measurement that the kernel and the default acuity stand on (docs/observer.md)."""
+    """The measurement that the kernel and the default acuity stand on (docs/explain/observer.md)."""
     contents = {name: [chart(name, (544, 544))] for name in ("photograph", "text", "noise", "pink")}
     ours = {row.content: row for row in kernel_rows(observer, contents, [LIMEN], 1, 0.64)}
     assert all(row.practical and row.jod > 9.93 for row in ours.values())

@@ -18,7 +18,7 @@ HEADER = '# limen session 1: {"name": "s", "display": "d", "rate_hz": 30}\n'
 COLUMNS = "time_s,viewer,x_m,y_m,z_m,direction_x,direction_y,direction_z\n"
 ROW = "0.0,v1,1,2,3,0,0,-1\n"
 ROLES, ROLE = COLUMNS.replace("viewer,", "viewer,role,"), ROW.replace("v1,", "v1,viewer,")
-DOCS = Path(__file__).parents[2] / "docs" / "sessions.md"
+DOCS = Path(__file__).parents[2] / "docs" / "guide" / "sessions.md"
 
 numbers = st.floats(-50, 50)
 vectors = st.tuples(numbers, numbers, numbers)

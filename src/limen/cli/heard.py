@@ -1,7 +1,7 @@
 """Which options are heard with what: an option that would be ignored is refused by its name, in one line.
 
 `SHOW` is the table of ``limen show``, `TRAFFIC` and `VERIFY` are those of the other verbs that take several kinds of
-content. ``docs/options.md`` is made of them, and ``tests/cli/test_options_of_content.py`` tries every cell.
+content. ``docs/reference/options.md`` is made of them, and ``tests/cli/test_options_of_content.py`` tries every cell.
 """
 
 from __future__ import annotations

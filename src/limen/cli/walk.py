@@ -35,7 +35,7 @@ def walk(
     Parameters
     ----------
     out
-        The session file to write (CSV; see docs/sessions.md).
+        The session file to write (CSV; see docs/guide/sessions.md).
     display
         A preset's name or a display file.
     seconds

@@ -90,7 +90,7 @@ class Show:
 
     @classmethod
     def open(cls, path: str | Path, display: Display | None = None) -> Show:
-        """The show of a show file; see docs/shows.md.
+        """The show of a show file; see docs/guide/shows.md.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Session files: CSV with one commented header line; see docs/sessions.md.
+"""Session files: CSV with one commented header line; see docs/guide/sessions.md.
 
 ::
 

@@ -42,7 +42,7 @@ GAZE_PER_DEG = 0.10
 
 What people resolve falls by 0.160 a degree (Ashraf et al. 2025). Omissions that large pass the independent observer
 within twice the threshold, but not below it: what is left out of a picture is more than its finest detail. At 0.10 it
-stays silent as in the fovea, to 20 degrees and more (docs/observer.md)."""
+stays silent as in the fovea, to 20 degrees and more (docs/explain/observer.md)."""
 
 _NAMED = {"snellen": SNELLEN_ARCMIN, "human": HUMAN_ARCMIN}
 

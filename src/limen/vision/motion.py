@@ -60,8 +60,8 @@ def motion_scale(velocity_deg_s: ArrayLike, eccentricity_scale: ArrayLike = 1.0)
     moves to lower frequencies as a whole, and a detail of any contrast may grow by ``(velocity + 2) / (0.15 + 2)``.
     But what is striped along the motion stays as sharp as if it stood still, so this is the square root, up to
     `MOST_DEG_S`: a detail's area may grow by as much. Where its width grew by it, or without end, the independent
-    observer saw what was left out (docs/observer.md). castleCSF, asked at ``frequency x velocity`` Hz, loses more than
-    the root of it at every contrast.
+    observer saw what was left out (docs/explain/observer.md). castleCSF, asked at ``frequency x velocity`` Hz, loses
+    more than the root of it at every contrast.
 
     Off the gaze, where details are seen that are ``eccentricity_scale`` times larger, velocities count for as much less
     (Virsu, Rovamo, Laurinen, Näsänen 1982).

@@ -1,7 +1,7 @@
 """Whether a file's coarser levels are softer than ours: most programs average squares of texels.
 
 A box costs about a level: seen at the distance where texels merge, what it lost is visible in noise and text, where a
-Lanczos pyramid passes (docs/observer.md). What is known to be soft is therefore drawn one level finer.
+Lanczos pyramid passes (docs/explain/observer.md). What is known to be soft is therefore drawn one level finer.
 
 The kernel is recognised: patches with detail are reduced from the next finer stored level by a box and by Lanczos, in
 light and in codes, and whichever lies nearest to the stored texels made them.

@@ -33,7 +33,7 @@ KEPT = 0.90
 """What is left of a texel's fineness when a page was halved, rounded to 8 bits and drawn.
 
 Where texels subtend just the acuity, the independent observer passes text within twice the threshold, but below it only
-where they are a tenth smaller (docs/observer.md)."""
+where they are a tenth smaller (docs/explain/observer.md)."""
 
 BLEND_LEVELS = 0.125
 """Width of the blend between two levels, in octaves of tolerance.

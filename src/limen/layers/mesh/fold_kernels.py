@@ -31,7 +31,7 @@ REGION_SHARE = 0.48
 a ring of triangles farther than what is folded.
 
 The one constant that is calibrated: with it the independent observer does not see what is folded, from the true
-distance, at the gaze and away from it (docs/observer.md)."""
+distance, at the gaze and away from it (docs/explain/observer.md)."""
 
 HIDDEN, INTERIOR, SILHOUETTE = 0, 1, 2
 
