@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,9 @@ from limen.layers.registry import KINDS
 from limen.show.show import Show
 from limen.track.tracker import open_tracker
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples/extensions"
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = ROOT / "examples/extensions"
+PAGE = ROOT / "docs/contribute/add-a-kind.md"
 EYE = limen.Viewer((0.0, 1.7, 2.0))
 
 
@@ -116,6 +120,66 @@ def seen_at(panel: Any, place: Any) -> tuple[int, int] | None:
     x, y = int(hit @ np.array(panel.right) // panel.pitch_m[0]), int(hit @ np.array(panel.down) // panel.pitch_m[1])
     inside = 1 <= x < panel.size_px[0] - 1 and 1 <= y < panel.size_px[1] - 1
     return (x, y) if inside and away > 0 else None
+
+
+# ---------------------------------------------------------------- the page that makes a kind
+
+
+def blocks_of_page() -> dict[str, str]:
+    """Its pieces of code by the files that they are of, each file's joined in their order."""
+    files: dict[str, list[str]] = {}
+    for file, code in re.findall(r'```\w+ title="([^"]+)"\n(.*?)```', PAGE.read_text(), flags=re.DOTALL):
+        files.setdefault(file, []).append(code)
+    return {file: "\n".join(codes) for file, codes in files.items()}
+
+
+def lines_of(code: str) -> list[str]:
+    return [line for line in code.splitlines() if line]
+
+
+def test_the_page_shows_all_of_the_example() -> None:
+    written = (EXAMPLES / "limen_grid/limen_grid.py").read_text()
+    assert lines_of(blocks_of_page()["limen_grid.py"]) == lines_of(written)
+    assert lines_of(blocks_of_page()["pyproject.toml"]) == lines_of(
+        (EXAMPLES / "limen_grid/pyproject.toml").read_text()
+    )
+    assert len(written.splitlines()) < 150
+
+
+@pytest.mark.gpu
+@pytest.mark.drawing
+def test_a_kind_is_shown_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the reader of the page, beside others; it hears what all kinds do that stand in the room."""
+    package, site, blocks = tmp_path / "limen_grid", tmp_path / "site", blocks_of_page()
+    package.mkdir()
+    site.mkdir()
+    for file in ("limen_grid.py", "pyproject.toml"):
+        (package / file).write_text(blocks[file] + "\n" + blocks[f"{file}, at its end"])
+    module = package / "limen_grid.py"
+    module.write_text(
+        module.read_text().replace("import wgpu\n", "import wgpu\nfrom limen.errors import FormatError\n")
+    )
+    install(site, package)
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.delitem(sys.modules, "limen_grid", raising=False)
+    monkeypatch.setattr(registry, "KINDS", registry._Kinds(KINDS))
+    monkeypatch.chdir(tmp_path)
+    Path("room.grid").write_text("5\n")
+    Path("bad.grid").write_text("far\n")
+
+    def shown(*options: str) -> str:
+        with pytest.raises(SystemExit):
+            main(["show", "--display", "rostock", "--scale", "0.05", "--out", "pictures", *options])
+        return capsys.readouterr().err
+
+    assert "no number" in shown("bad.grid")
+    assert "the policy acuity is not for grid lines: give full" in shown("room.grid", "--policy", "acuity")
+    assert "this content is grid lines: leave out --fit, which is for images" in shown("room.grid", "--fit", "cover")
+    assert "leave out --size-m" in shown("room.grid", "--size-m", "1")
+    assert not shown("room.grid", "--stereo", "anaglyph", "--background", "#000000", "--simulate", "--quiet")
+    assert Path("pictures/frame-0000/eye.jpg").exists()
 
 
 def test_what_cannot_be_loaded_is_named(installed: Path) -> None:

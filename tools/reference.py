@@ -145,7 +145,7 @@ def python_page() -> str:
 
 
 def _told(name: str, thing: Any) -> list[str]:
-    signature = _signature(name, thing)
+    signature = _signature(name, thing).replace("'", '"')
     return [*([f"```python\n{signature}\n```"] if signature else []), _sections(inspect.getdoc(_function(thing)) or "")]
 
 

@@ -209,10 +209,20 @@ def refuse_kind(table: Mapping[str, Heard], given: Iterable[str], *kinds: Kind) 
     """
     for option in given:
         heard = table[option]
-        if not set(kinds) & set(heard.kinds):
+        if not any(_hears(kind, heard) for kind in kinds):
             why = f": {heard.unless}" if heard.unless else f", which is for {_listed(heard.kinds)}"
             what = " and ".join(dict.fromkeys(noun_of(kind) for kind in kinds))
             raise InputError(f"this content is {what}: leave out {option}{why}")
+
+
+def _hears(kind: Kind, heard: Heard) -> bool:
+    """Kinds of other packages hear what all of limen's own do that lie on panels, or stand in the room, as they do."""
+    if kind in _NOUNS:
+        return kind in heard.kinds
+    from limen.layers.registry import KINDS as LAYERS
+
+    alike = {own for own in KINDS if LAYERS[own].on_panels == LAYERS[kind].on_panels}
+    return alike <= set(heard.kinds)
 
 
 def noun_of(kind: Kind) -> str:
