@@ -87,4 +87,4 @@ def test_measure_the_contrast_of_all_pages(benchmark, world):
 
 
 def test_ingest(benchmark, world, tmp_path):
-    assert benchmark(lambda: ingest(world, tmp_path / "made.tif")).pages > 100
+    assert benchmark(lambda: ingest(world, tmp_path / "made.tif")).facts["pages"] > 100
