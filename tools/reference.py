@@ -59,7 +59,7 @@ def cli_page() -> str:
 
 def told_arguments(verb: App) -> list[Any]:
     """What a verb's help lists: by place first."""
-    arguments = [each for each in verb.assemble_argument_collection() if each.parse and each.show]
+    arguments = [each for each in verb.assemble_argument_collection(parse_docstring=True) if each.parse and each.show]
     return sorted(arguments, key=lambda argument: argument.index is None)
 
 
