@@ -17,7 +17,7 @@ from limen.data.image.file import open_image
 from limen.data.pages import PAGE
 from limen.layers.image.select import select
 from limen.stream.pages import drawable_pages
-from limen.study.bench import blank_stream, measure_walk, one_to_one_room, walk_viewers
+from limen.study.bench.image import blank_stream, measure_walk, one_to_one_room, walk_viewers
 from limen.system import worker_count
 from limen.viewing.policy import Policy
 from limen.viewing.tolerance import tolerance_of

@@ -222,7 +222,7 @@ def test_other_verbs_hear(verb: str, desk: Desk) -> None:
         ("display wall.toml --inside", "--inside is for mesh files"),
         ("bench image --content image.tif", "--content is for the benchmarks"),
         ("bench image --crop 0,0,9,9", "--crop is for the benchmark"),
-        ("bench image --plot plot.png", "--plot draws the benchmarks"),
+        ("bench image --plot plot.png", "--plot is for the benchmarks 'panels' and 'mesh'"),
         ("calibrate solve image.tif --display wall.toml --out x.toml --panels c", "no panel of 'two' matches c"),
         ("info image.tif mesh.ply", "limen info takes one file at a time: leave out 'mesh.ply'"),
         ("ingest image.tif x.tif mesh.ply", "leave out 'mesh.ply'"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from limen.errors import InputError
-from limen.study import bench
+from limen.study.bench.kernels import bench_kernels
 from limen.study.charts import chart
 from limen.study.kernels import angle_that_passes, drawn_level, judged, kernel_rows
 from limen.study.observer import Observer
@@ -58,9 +58,10 @@ def test_contents_too_small_are_refused(observer: Observer, page: np.ndarray) ->
 
 def test_the_benchmarks_quick_table(observer: Observer) -> None:
     said: list[str] = []
-    rows = bench.bench_kernels(True, said.append)
+    (table,) = bench_kernels(True, said.append)
+    rows = table.rows
     assert len(rows) == 10
     assert len(said) == 1
-    assert {row.unit for row in rows} == {"JOD", "JOD, largest drop"}
-    assert all(row.what.startswith("lanczos-2 + catmull-rom, 0.64'") for row in rows)
-    assert all(9.9 < row.value <= 10 for row in rows if row.unit == "JOD")
+    assert {row["unit"] for row in rows} == {"JOD", "JOD, largest drop"}
+    assert all(row["what"].startswith("lanczos-2 + catmull-rom, 0.64'") for row in rows)
+    assert all(9.9 < row["value"] <= 10 for row in rows if row["unit"] == "JOD")

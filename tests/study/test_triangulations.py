@@ -11,8 +11,8 @@ import pytest
 from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
 from limen.data.terrain.tin_tree import Grown
-from limen.study.terrain_peers import PEERS
-from limen.study.terrain_source import parse_crop, posts_of, write_crop
+from limen.study.baselines.triangulators import PEERS
+from limen.study.bench.terrain_source import parse_crop, posts_of, write_crop
 from limen.study.triangulations import build_trees, drawn, patches_at, true_error_m
 from support.trees import collect, cut_at
 

@@ -31,7 +31,7 @@ PLACE = np.array([[0.4, 0, 0, 0], [0, 0.4, 0, 1.2], [0, 0, 0.4, 0], [0, 0, 0, 1.
 
 def found_pairs(device: Any, method: Any, display: Display, eyes: Any, mesh: Any, **options: Any) -> Any:
     """(pairs, views) of one quilt with all panels."""
-    from limen.study.baselines.methods import METHODS
+    from limen.study.bench.panels import METHODS
 
     (quilt,) = pack(display, max_size_px=8192)
     eyes = np.asarray(eyes, dtype=float).reshape(-1, 3)
@@ -152,7 +152,7 @@ def lit_px(display: Display, quilt: Quilt) -> Any:
 @pytest.mark.parametrize("clip", [True, False])
 @pytest.mark.parametrize("name", ["cube", "icosahedron", "stairs"])
 def test_all_ways_draw_the_same_picture(device: Any, name: str, clip: bool) -> None:
-    from limen.study.baselines.methods import METHODS
+    from limen.study.bench.panels import METHODS
 
     display, eye = DISPLAYS[name]
     eyes = np.array(eye) + np.array([[0, 0, 0], [0.06, 0, 0]])

@@ -18,7 +18,7 @@ from limen.layers.image.draw import lens_mesh
 from limen.layers.image.layer import ImageLayer
 from limen.layers.image.lens_cells import NOBODY, LensCells
 from limen.layers.image.select import ImageOnDisplay, view_of
-from limen.study.bench_lens import DrawnLenses, drawn_lenses, measured
+from limen.study.bench.lens import DrawnLenses, drawn_lenses, measured
 from limen.study.blank_source import Blank
 from limen.viewing.lens import Lens, sharpest_bend, source_of
 from limen.viewing.placement import OnSurface

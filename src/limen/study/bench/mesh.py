@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import statistics
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from limen.data.mesh.mesh import Mesh
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.opening import open_content
 from limen.data.samples.mesh import torus_knot
+from limen.data.store.atomic import write_bytes
 from limen.display.display import Display
 from limen.display.quilt import pack
 from limen.errors import InputError
@@ -37,11 +37,14 @@ from limen.layers.common.contrast_scale import acuity_scale
 from limen.layers.mesh.draw.folded import mesh_of_nodes
 from limen.layers.mesh.layer import MeshLayer
 from limen.layers.mesh.select import FoldRequest, FoldTree, select_mesh
-from limen.study.bench_points import PeerRow
+from limen.study.baselines.packages import is_skipped
+from limen.study.baselines.simplifiers import PEERS
+from limen.study.bench.mesh_plot import MeshComparison, Rgb, mesh_picture
+from limen.study.bench.table import FIGURES, Row, Say, Table, figure
+from limen.study.bench.timing import median_of, timed
 from limen.study.frames import frame_of
-from limen.study.mesh_peers import PEERS, missing_package
-from limen.study.observer import WINDOW_PX, Observer, light_of, missing_packages
-from limen.study.peers import INSTALL
+from limen.study.observer import INSTALL, WINDOW_PX, Observer, light_of, missing_packages
+from limen.study.plots import format_of
 from limen.study.surfaces import surface_error
 from limen.study.verify_scene import Pose, monitor, pixels_per_degree, random_poses, random_windows, standing
 from limen.viewing.placement import InRoom
@@ -50,10 +53,7 @@ from limen.viewing.projection import QuiltPanels
 from limen.viewing.tolerance import tolerance_of
 from limen.viewing.viewer import Viewer
 
-__all__ = ["MeshBench", "MeshComparison", "bench_mesh", "folded_uniformly"]
-
-Say = Callable[[str], None]
-Picture = NDArray[np.uint8]
+__all__ = ["bench_mesh", "compared", "folded_uniformly"]
 
 _PAPERS = {69_451: 29_866, 871_414: 87_141}
 """Triangles of the bunny and the dragon, and to how many they are simplified; others to 43 %, as the bunny is."""
@@ -63,62 +63,54 @@ _VIEWS, _QUICK_VIEWS, _WINDOWS = 40, 6, 4
 _SIZE_DEG = 25.0
 """Visual angle of the mesh: most of the monitor, so that its triangles are larger than pixels."""
 _FRAMES, _QUICK_FRAMES = 20, 5
+_RATE = "million triangles/s"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MeshComparison:
-    """One view of the mesh as each way draws it, and the JOD of its windows (nan of the full mesh)."""
+def bench_mesh(quick: bool, say: Say, content: Path | None = None, plot: Path | None = None) -> list[Table]:
+    """The table of ``limen bench mesh``.
 
-    pictures: dict[str, Picture]
-    jod: dict[str, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MeshBench:
-    rows: list[PeerRow]
-    seen: MeshComparison | None
-    """The view in which peers do worst; None where the observer is not installed."""
+    ``content`` is a mesh instead of the sample; ``plot``: a file for pictures of the view in which peers do worst.
+    """
+    if plot is not None and missing_packages():
+        raise InputError(f"--plot draws what the observer judged, and it is not installed: run {INSTALL[0]}")
+    rows, seen = compared(quick, say, content)
+    if plot is not None and seen is not None:
+        write_bytes(plot, mesh_picture(seen, format_of(plot)))
+    return [Table(FIGURES, rows)]
 
 
-def bench_mesh(quick: bool, say: Say, content: Path | None = None) -> MeshBench:
-    """Rows of ``limen bench mesh``; ``content`` is a mesh instead of the sample."""
+def compared(quick: bool, say: Say, content: Path | None = None) -> tuple[list[Row], MeshComparison | None]:
+    """All rows, and the view in which peers do worst; None where the observer is not installed."""
     mesh = _opened(content) if content else torus_knot(_QUICK_TRIANGLES if quick else _SAMPLE_TRIANGLES)
     most = _PAPERS.get(mesh.size, int(_SHARE * mesh.size))
     FoldTree(build_vertex_tree(torus_knot(_WARM_TRIANGLES)))  # compiles the kernels, which is not to be timed
     name = content.name if content else "torus knot"
     say(f"{name}: a tree of {mesh.size:,} triangles, and peers that leave {most:,} of them")
-    begin = time.process_time()
-    tree = build_vertex_tree(mesh)
-    built_s = time.process_time() - begin
-    begin = time.process_time()
-    foldable = FoldTree(tree)
-    known_s = time.process_time() - begin
+    tree, built = timed(lambda: build_vertex_tree(mesh))
+    foldable, known = timed(lambda: FoldTree(tree))
     rows = [
-        _row(f"{name}: tree built", "limen", mesh.size / built_s / 1e6, "million triangles/s"),
-        _row(f"{name}: made ready for cuts", "limen", mesh.size / known_s / 1e6, "million triangles/s"),
-        _row(f"{name}: tree held", "limen", tree.nbytes / mesh.size, "bytes/triangle"),
+        figure(f"{name}: tree built", mesh.size / built.cpu_ms / 1e3, _RATE, "limen"),
+        figure(f"{name}: made ready for cuts", mesh.size / known.cpu_ms / 1e3, _RATE, "limen"),
+        figure(f"{name}: tree held", tree.nbytes / mesh.size, "bytes/triangle", "limen"),
     ]
-    made = {}
+    made: dict[str, Mesh] = {}
     for peer, make in PEERS.items():
-        if package := missing_package(peer):
-            say(f"{peer}: skipped, {package} is not installed ({INSTALL})")
-            continue
-        begin = time.process_time()
-        made[peer] = make(mesh, most)
-        rate = mesh.size / (time.process_time() - begin) / 1e6
-        rows.append(_row(f"{name}: simplified to {made[peer].size:,}", peer, rate, "million triangles/s"))
+        if not is_skipped(peer, say):
+            made[peer], spent = timed(lambda: make(mesh, most))  # noqa: B023
+            what = f"{name}: simplified to {made[peer].size:,}"
+            rows.append(figure(what, mesh.size / spent.cpu_ms / 1e3, _RATE, peer))
     say(f"{name}: distances between surfaces")
     rows += _distances(name, mesh, {"limen": folded_uniformly(mesh, foldable, most), **made})
     say(f"{name}: cuts for views")
     rows += _cuts(name, mesh, foldable, most, _QUICK_FRAMES if quick else _FRAMES)
     if missing_packages():
         say("the independent observer is not installed, so pictures were not judged (see `limen verify --help`)")
-        return MeshBench(rows, None)
+        return rows, None
     views = _QUICK_VIEWS if quick else _VIEWS
     say(f"{name}: pictures of {views} views, each of {most:,} triangles")
     with open_device() as device:
         judged, seen = _judged(device, name, mesh, foldable, made, most, views)
-    return MeshBench([*rows, *judged], seen)
+    return [*rows, *judged], seen
 
 
 def _opened(content: Path) -> Mesh:
@@ -126,10 +118,6 @@ def _opened(content: Path) -> Mesh:
     if not isinstance(mesh, Mesh):
         raise InputError(f"{content}: is no mesh, and this benchmark wants one")
     return mesh
-
-
-def _row(what: str, peer: str, value: float, unit: str) -> PeerRow:
-    return PeerRow(what=what, peer=peer, value=value, unit=unit)
 
 
 def folded_uniformly(mesh: Mesh, foldable: FoldTree, most: int) -> Mesh:
@@ -149,7 +137,7 @@ def folded_uniformly(mesh: Mesh, foldable: FoldTree, most: int) -> Mesh:
     return replace(nodes, triangles=stands[tree.triangles[~dies]].astype(np.uint32))
 
 
-def _distances(name: str, mesh: Mesh, made: dict[str, Mesh]) -> Iterator[PeerRow]:
+def _distances(name: str, mesh: Mesh, made: dict[str, Mesh]) -> Iterator[Row]:
     diagonal = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     for maker, simple in made.items():
         error = surface_error(
@@ -157,7 +145,7 @@ def _distances(name: str, mesh: Mesh, made: dict[str, Mesh]) -> Iterator[PeerRow
         )
         for kind, value in (("root mean square", error.rms), ("largest", error.largest)):
             what = f"{name}: {kind} distance of {simple.size:,} triangles"
-            yield _row(what, maker, value / diagonal * 1e4, "1e-4 of the diagonal")
+            yield figure(what, value / diagonal * 1e4, "1e-4 of the diagonal", maker)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +166,7 @@ class _Scene:
         return standing(self.bounds, self.display.panels[0], self.viewer, pose)
 
 
-def _cuts(name: str, mesh: Mesh, foldable: FoldTree, most: int, frames: int) -> Iterator[PeerRow]:
+def _cuts(name: str, mesh: Mesh, foldable: FoldTree, most: int, frames: int) -> Iterator[Row]:
     """What choosing costs a frame, processor time; all of the mesh is in sight."""
     scene = _Scene.of(mesh, frames)
     views = QuiltPanels(scene.display, pack(scene.display)[0]).seen_from(scene.viewer.eyes_m[0])
@@ -188,18 +176,16 @@ def _cuts(name: str, mesh: Mesh, foldable: FoldTree, most: int, frames: int) -> 
         spent = []
         for pose in [scene.poses[0], *scene.poses]:  # the first also compiles
             sight = FoldRequest((views,), scene.stands(pose), tolerance, policy, acuity_scale(policy, whites))
-            begin = time.process_time()
-            select_mesh(foldable, sight)
-            spent.append(time.process_time() - begin)
-        median_s = statistics.median(spent[1:])
-        yield _row(f"{name}: cut, {policy.title}", "limen", median_s * 1e3, "ms/frame")
+            spent.append(timed(lambda: select_mesh(foldable, sight))[1])  # noqa: B023
+        cut_ms = median_of(spent[1:]).cpu_ms
+        yield figure(f"{name}: cut, {policy.title}", cut_ms, "ms/frame", "limen")
         nodes = len(foldable.tree.position)
-        yield _row(f"{name}: cut, {policy.title}, by nodes", "limen", median_s / nodes * 1e9, "ns/node")
+        yield figure(f"{name}: cut, {policy.title}, by nodes", cut_ms / nodes * 1e6, "ns/node", "limen")
 
 
 def _judged(
     device: Device, name: str, mesh: Mesh, foldable: FoldTree, made: dict[str, Mesh], most: int, views: int
-) -> tuple[list[PeerRow], MeshComparison]:
+) -> tuple[list[Row], MeshComparison]:
     """The observer's verdict on the same windows of every way's pictures, and outlines that differ."""
     scene, observer = _Scene.of(mesh, views), Observer()
     layers = {
@@ -217,9 +203,11 @@ def _judged(
         jods = [each.jod[maker] for each in found]
         outlines = [_outline_differs(each.pictures["all triangles"], each.pictures[maker]) for each in found]
         what = f"{name}: {most:,} triangles, {views} views"
-        rows.append(_row(f"{what}: mean", maker, statistics.fmean(jods), "JOD"))
-        rows.append(_row(f"{what}: worst", maker, min(jods), "JOD"))
-        rows.append(_row(f"{what}: silhouette that differs", maker, 100 * statistics.fmean(outlines), "%"))
+        rows += [
+            figure(f"{what}: mean", statistics.fmean(jods), "JOD", maker),
+            figure(f"{what}: worst", min(jods), "JOD", maker),
+            figure(f"{what}: silhouette that differs", 100 * statistics.fmean(outlines), "%", maker),
+        ]
     return rows, min(found, key=lambda each: min(each.jod.values()))
 
 
@@ -242,12 +230,12 @@ def _seen(scene: _Scene, pose: Pose, renderers: dict[str, Renderer], observer: O
     return MeshComparison(pictures, jod)
 
 
-def _shown(picture: Picture) -> NDArray[np.bool_]:
+def _shown(picture: Rgb) -> NDArray[np.bool_]:
     """Pixels that show anything: the mesh does not reach the picture's first."""
     return np.asarray((picture != picture[0, 0]).any(axis=-1))
 
 
-def _outline_differs(full: Picture, other: Picture) -> float:
+def _outline_differs(full: Rgb, other: Rgb) -> float:
     """Pixels that show the mesh in one picture alone, over those along its outline."""
     shown, outline = _shown(full), _shown(full) & ~ndimage.binary_erosion(_shown(full))
     return float((shown != _shown(other)).sum() / max(outline.sum(), 1))

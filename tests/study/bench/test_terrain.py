@@ -10,9 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from limen.errors import InputError
-from limen.study import terrain_peers
-from limen.study.bench_terrain import TerrainRow, aims, ladder_m, triangle_rows
-from limen.study.terrain_peers import MADE_BY, PEERS, Made, grid_triangles, missing_package
+from limen.study.baselines import triangulators
+from limen.study.baselines.packages import INSTALL, MADE_BY, missing_package
+from limen.study.baselines.triangulators import PEERS, Made, grid_triangles
+from limen.study.bench.table import Row
+from limen.study.bench.terrain import aims, ladder_m, triangle_rows
 from limen.study.triangulations import (
     Posts,
     Triangles,
@@ -107,7 +109,7 @@ def test_grids_hold_every_post_of_a_step(size: tuple[int, int], step: int, chunk
 
 
 def test_a_grids_chunks_are_each_as_coarse_as_their_own_posts_allow(monkeypatch: Any) -> None:
-    monkeypatch.setattr(terrain_peers, "_CHUNKS", (16,))
+    monkeypatch.setattr(triangulators, "_CHUNKS", (16,))
     heights_m = np.zeros((33, 33), np.float32)
     heights_m[5, 5] = 10.0  # one chunk of four must show every post, or stay off by 10 m
     make = PEERS["grid"](Posts(heights_m, None))
@@ -121,7 +123,7 @@ def test_a_grids_chunks_are_each_as_coarse_as_their_own_posts_allow(monkeypatch:
 def test_peers_keep_the_error_that_they_are_told(peer: str) -> None:
     missing = missing_package(peer)
     if missing:
-        pytest.skip(f"{missing} IS NOT INSTALLED, so limen was not compared with {peer}: {terrain_peers.INSTALL}")
+        pytest.skip(f"{missing} IS NOT INSTALLED, so limen was not compared with {peer}: {INSTALL}")
     make = PEERS[peer](hills(roughness=2.0))
     made = [make(error_m) for error_m in ERRORS_M]
     for one, error_m in zip(made, ERRORS_M, strict=True):
@@ -142,7 +144,7 @@ def test_a_parameter_that_is_no_bound_is_searched_for(worse: float) -> None:
         asked.append(parameter_m)
         return Made(int(1e6 / (parameter_m + 1)), worse * parameter_m, 0.0)
 
-    made = terrain_peers._largest_parameter(mesh, 50.0)
+    made = triangulators._largest_parameter(mesh, 50.0)
     assert made.true_error_m <= 50.0
     assert made.true_error_m >= 0.99 * 50.0 * min(worse, 1.0)
     assert len(asked) <= 12
@@ -152,13 +154,13 @@ def test_all_ways_are_measured_and_what_is_missing_is_named(monkeypatch: Any) ->
     monkeypatch.setitem(MADE_BY, "delatin", "a_package_that_nobody_has")
     said: list[str] = []
     rows = triangle_rows(hills(65, 64), ERRORS_M, said.append)
-    assert [row.method for row in rows] == ["limen"] * 3 + ["grid"] * 3
+    assert [row["method"] for row in rows] == ["limen"] * 3 + ["grid"] * 3
     assert any("delatin: skipped, a_package_that_nobody_has is not installed" in text for text in said)
     assert any(text.startswith("martini: skipped") for text in said)
     for row in rows:
-        assert row.true_error_m <= row.max_error_m + 1e-4
-        assert row.build_s > 0
-    by_method = {(row.method, row.max_error_m): row.triangles for row in rows}
+        assert row["true_error_m"] <= row["max_error_m"] + 1e-4
+        assert row["build_s"] > 0
+    by_method = {(row["method"], row["max_error_m"]): row["triangles"] for row in rows}
     assert all(by_method["limen", error_m] < by_method["grid", error_m] for error_m in ERRORS_M)
 
 
@@ -172,8 +174,8 @@ def test_a_ladder_holds_what_is_asked_for_in_steps_of_the_square_root_of_2() -> 
 
 
 def test_aims_are_ratios_of_the_rows() -> None:
-    def row(method: str, error_m: float, triangles: int) -> TerrainRow:
-        return TerrainRow(method=method, max_error_m=error_m, true_error_m=1, triangles=triangles, build_s=1)
+    def row(method: str, error_m: float, triangles: int) -> Row:
+        return {"method": method, "max_error_m": error_m, "triangles": triangles}
 
     rows = [row("limen", 20, 110), row("limen", 50, 60), row("delatin", 20, 100), row("martini", 50, 240)]
     delatin, martini = aims(rows)

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from limen.data.store.atomic import write_bytes
-from limen.study.bench_mesh import MeshComparison
-from limen.study.plots import GREY, STYLE, Format, figure_bytes, format_of
+from limen.study.plots import GREY, STYLE, Format, figure_bytes
 
-__all__ = ["mesh_picture", "mesh_plot"]
+__all__ = ["MeshComparison", "Rgb", "mesh_picture"]
 
+Rgb: TypeAlias = NDArray[np.uint8]
 _PART_PX = 360
 """Of every picture's side: pixels remain pixels."""
 
 
-def mesh_plot(seen: MeshComparison, path: str | Path) -> None:
-    """Draw `mesh_picture` to a .png or .svg file.
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshComparison:
+    """One view of the mesh as each way draws it, and the JOD of its windows (none of the full mesh)."""
 
-    Raises
-    ------
-    InputError
-        If the name ends in neither.
-    StorageError
-        If the file cannot be written.
-    """
-    write_bytes(path, mesh_picture(seen, format_of(path)))
+    pictures: dict[str, Rgb]
+    jod: dict[str, float]
 
 
 def mesh_picture(seen: MeshComparison, kind: Format = "png") -> bytes:

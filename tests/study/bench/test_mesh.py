@@ -13,9 +13,9 @@ from limen.data.mesh.opening import open_mesh
 from limen.data.mesh.tree_build import build_vertex_tree
 from limen.data.samples.mesh import sample_mesh, torus_knot
 from limen.layers.mesh.select import FoldTree
-from limen.study import bench_mesh as bench
-from limen.study import mesh_peers
-from limen.study.mesh_plot import mesh_picture
+from limen.study.baselines import packages
+from limen.study.bench import mesh as bench
+from limen.study.bench.mesh_plot import mesh_picture
 from limen.study.observer import missing_packages
 
 
@@ -42,12 +42,12 @@ def test_every_row_is_a_figure_of_its_own_run(tmp_path: Any, monkeypatch: pytest
     sample_mesh(tmp_path / "knot.ply", 3000)
     knot = open_mesh(tmp_path / "knot.ply")
     monkeypatch.setattr(bench, "PEERS", {"idle": lambda mesh, most: mesh, "absent": lambda mesh, most: None})
-    monkeypatch.setattr(mesh_peers, "MADE_BY", {"idle": "numpy", "absent": "no_such_package"})
+    monkeypatch.setattr(packages, "MADE_BY", {"idle": "numpy", "absent": "no_such_package"})
     monkeypatch.setattr(bench, "_QUICK_VIEWS", 1)
     said: list[str] = []
-    found = bench.bench_mesh(True, said.append, tmp_path / "knot.ply")
+    rows, seen = bench.compared(True, said.append, tmp_path / "knot.ply")
     assert any(text.startswith("absent: skipped, no_such_package") for text in said)
-    value = {(row.what.split(": ", 1)[1], row.peer): row.value for row in found.rows}
+    value = {(row["what"].split(": ", 1)[1], row["peer"]): row["value"] for row in rows}
     most = int(0.43 * knot.size)
     drawn = f"{most:,} triangles, 1 views"
     assert value[(f"{drawn}: mean", "idle")] > 9.99 > value[(f"{drawn}: mean", "limen")] > 5
@@ -58,6 +58,6 @@ def test_every_row_is_a_figure_of_its_own_run(tmp_path: Any, monkeypatch: pytest
     )
     assert value[(f"root mean square distance of {knot.size:,} triangles", "idle")] < 0.01
     assert all(rate > 0 for (what, _), rate in value.items() if "million" in what or "cut" in what)
-    assert found.seen is not None
-    picture = np.asarray(Picture.open(BytesIO(mesh_picture(found.seen, "png"))))
+    assert seen is not None
+    picture = np.asarray(Picture.open(BytesIO(mesh_picture(seen, "png"))))
     assert picture[..., :3].std() > 20

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import rasterio
@@ -17,23 +16,12 @@ from limen.data.terrain.elevation import ElevationSource, PostRect
 from limen.data.terrain.file import Terrain
 from limen.data.terrain.ingest import ingest_terrain
 from limen.errors import InputError, StorageError
+from limen.study.bench.table import Say
 from limen.study.triangulations import Posts
 
-__all__ = ["SAMPLE", "MeasuredTerrain", "parse_crop", "posts_of", "prepared", "write_crop"]
-
-Say = Callable[[str], None]
+__all__ = ["parse_crop", "posts_of", "prepared", "write_crop"]
 
 _SHORT_VOID = -32768
-
-
-class MeasuredTerrain(NamedTuple):
-    """What is measured; the sample terrain where nothing is named."""
-
-    path: Path | None = None
-    crop: PostRect | None = None
-
-
-SAMPLE = MeasuredTerrain()
 
 
 def parse_crop(text: str) -> PostRect:
@@ -57,11 +45,13 @@ def parse_crop(text: str) -> PostRect:
 
 
 @contextmanager
-def prepared(content: MeasuredTerrain, sample_size: int, say: Say) -> Iterator[Terrain]:
+def prepared(content: Path | None, crop: PostRect | None, sample_size: int, say: Say) -> Iterator[Terrain]:
     """The terrain, ready to be drawn; what had to be made for it is gone afterwards.
 
     Parameters
     ----------
+    content, crop
+        A ``.terrain``, or a raster of heights and what part of it; by default a sample.
     sample_size
         Posts along a side of the sample terrain.
 
@@ -72,19 +62,17 @@ def prepared(content: MeasuredTerrain, sample_size: int, say: Say) -> Iterator[T
     InputError
         If the crop does not lie inside.
     """
-    if content.path is not None and is_group_folder(content.path):
-        if content.crop:
-            raise InputError(
-                f"{content.path}: --crop takes part of a raster of heights; name the DEM that it was made of"
-            )
-        yield Terrain.open(content.path)
+    if content is not None and is_group_folder(content):
+        if crop:
+            raise InputError(f"{content}: --crop takes part of a raster of heights; name the DEM that it was made of")
+        yield Terrain.open(content)
         return
     with tempfile.TemporaryDirectory(prefix="limen-bench-") as folder:
-        source = content.path or _sample(Path(folder) / "sample.tif", sample_size, say)
-        if content.crop:
-            source = write_crop(source, content.crop, Path(folder) / "crop.tif")
+        source = content or _sample(Path(folder) / "sample.tif", sample_size, say)
+        if crop:
+            source = write_crop(source, crop, Path(folder) / "crop.tif")
         target = Path(folder) / "content.terrain"
-        say(f"ingesting {content.path.name if content.path else 'the sample terrain'}")
+        say(f"ingesting {content.name if content else 'the sample terrain'}")
         ingest_terrain(source, target)
         yield Terrain.open(target)
 

@@ -18,16 +18,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from limen.data.mesh.mesh import Mesh, smooth_normals
-from limen.study.peers import missing_of
 
-__all__ = ["MADE_BY", "PEERS", "missing_package"]
-
-MADE_BY = {
-    "meshoptimizer": "meshoptimizer",
-    "meshoptimizer, normals": "meshoptimizer",
-    "fast-simplification": "fast_simplification",
-}
-"""The packages that peers need."""
+__all__ = ["PEERS"]
 
 _NORMALS_WEIGH = 0.5  # of the attribute beside the place, as meshoptimizer's own example takes it
 _ANY_ERROR = 1.0  # of the mesh's size: what counts is the number of triangles
@@ -38,11 +30,6 @@ _WITH_ATTRIBUTES = [
     ctypes.POINTER(ctypes.c_ubyte), _COUNT, ctypes.c_float, ctypes.c_uint, _FLOATS,
 ]  # fmt: skip
 _AGREES = 0.5  # cosine between a triangle's own normal and one that it may borrow
-
-
-def missing_package(peer: str) -> str | None:
-    """The package that a peer needs and that is not installed."""
-    return missing_of(MADE_BY, peer)
 
 
 def meshoptimizer(mesh: Mesh, most: int) -> Mesh:

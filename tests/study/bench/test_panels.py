@@ -9,10 +9,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from limen.study import bench_panels
-from limen.study.bench_panels import Budget, PanelsRow, Point, aims, measure, points
-from limen.study.panels_plot import panels_picture
-from limen.study.panels_stage import DISPLAYS, stage
+from limen.study.bench import panels as bench_panels
+from limen.study.bench.panels import Budget, Point, aims, measure, points
+from limen.study.bench.panels_displays import DISPLAYS, stage
+from limen.study.bench.panels_plot import panels_picture
+from limen.study.bench.table import Row
 
 pytestmark = pytest.mark.drawing
 
@@ -45,38 +46,41 @@ def test_the_points_are_the_papers() -> None:
 @pytest.mark.gpu
 def test_a_point_is_measured_every_way(device: Any) -> None:
     point = Point(18, "120", 1_000, 200_000, METHODS)
-    rows = measure(device, point, frames=2, budget=Budget(30.0))
-    assert [row.method for row in rows] == list(METHODS)
-    by_method = {row.method: row for row in rows}
+    rows, parts = measure(device, point, frames=2, budget=Budget(30.0))
+    assert [row["method"] for row in rows] == list(METHODS)
     for row in rows:
-        assert (row.panels, row.frames, row.note) == (120, 2, "")
-        assert 0 < (row.sort_ms or 0) < (row.frame_ms or 0)
-        assert row.draw_ms == pytest.approx((row.frame_ms or 0) - (row.sort_ms or 0), rel=0.5)
-        assert 0 < (row.sort_cpu_ms or 0) < (row.frame_cpu_ms or 0)
-    pairs = {method: row.pairs or 0 for method, row in by_method.items()}
+        assert (row["panels"], row["frames"], row["note"]) == (120, 2, "")
+        assert 0 < row["sort_ms"] < row["frame_ms"]
+        assert row["draw_ms"] == pytest.approx(row["frame_ms"] - row["sort_ms"], rel=0.5)
+        assert 0 < row["sort_cpu_ms"] < row["frame_cpu_ms"]
+    pairs = {row["method"]: row["pairs"] for row in rows}
     assert 0 < pairs["paper"] <= pairs["limen"] < pairs["hierarchy"] < pairs["per-panel"]
-    assert list(by_method["paper"].parts_ms) == [
+    assert {row["method"] for row in parts} == {"limen", "paper"}
+    paper = {row["part"]: row["ms"] for row in parts if row["method"] == "paper"}
+    assert list(paper) == [
         "processor", "first pass", "second pass", "split and warp", "drawing", "depth by fragments",
     ]  # fmt: skip
-    assert by_method["paper"].parts_ms["second pass"] > 0
-    assert by_method["per-panel"].parts_ms == {}
+    assert paper["second pass"] > 0
 
 
 @pytest.mark.gpu
 def test_what_would_take_too_long_is_not_begun_and_says_so(device: Any) -> None:
     budget = Budget(1.0, {"paper": 1.0})
-    limen, paper = measure(device, Point(20, "icosahedron", 500, 100_000, ("limen", "paper")), frames=1, budget=budget)
-    assert limen.frame_ms is not None
-    assert (paper.frame_ms, paper.frames) == (None, 0)
-    assert paper.note.startswith("not measured: a frame would take about")
-    assert budget.predicted_s("limen", 20, limen.triangles) == pytest.approx((limen.frame_ms or 0) / 1e3)
+    point = Point(20, "icosahedron", 500, 100_000, ("limen", "paper"))
+    (limen, paper), parts = measure(device, point, frames=1, budget=budget)
+    assert limen["frame_ms"] is not None
+    assert (paper.get("frame_ms"), paper["frames"]) == (None, 0)
+    assert paper["note"].startswith("not measured: a frame would take about")
+    assert budget.predicted_s("limen", 20, limen["triangles"]) == pytest.approx(limen["frame_ms"] / 1e3)
+    assert parts == []
 
 
-def row(method: str, sort: float, frame: float, display: str = "icosphere") -> PanelsRow:
-    return PanelsRow(
-        figure=18, display=display, panels=1_280, triangles=1, quilt_px=1 << 20, method=method, sort_ms=sort,
-        draw_ms=frame - sort, frame_ms=frame, sort_cpu_ms=sort, frame_cpu_ms=frame, frames=1,
-    )  # fmt: skip
+def row(method: str, sort: float, frame: float, display: str = "icosphere") -> Row:
+    return {
+        "figure": 18, "display": display, "panels": 1_280, "triangles": 1, "quilt_px": 1 << 20, "method": method,
+        "sort_ms": sort, "draw_ms": frame - sort, "frame_ms": frame, "sort_cpu_ms": sort, "frame_cpu_ms": frame,
+        "frames": 1,
+    }  # fmt: skip
 
 
 def test_aims_are_ratios_of_the_rows() -> None:
@@ -87,16 +91,15 @@ def test_aims_are_ratios_of_the_rows() -> None:
     assert "10.0 (aim: at least 8)" in frame
     assert aims([]) == []
     # On a graphics adapter there is the clock alone.
-    by_clock = [msgspec.structs.replace(one, sort_cpu_ms=None, frame_cpu_ms=None) for one in rows]
+    by_clock = [{**one, "sort_cpu_ms": None, "frame_cpu_ms": None} for one in rows]
     assert aims(by_clock) == aims(rows)
 
 
 def test_the_picture_shows_what_was_measured() -> None:
-    parts = {"first pass": 3.0, "drawing": 40.0}
     rows = [row("limen", 10, 50), row("limen", 30, 60, "knot"), row("paper", 80, 110)]
     pictures = [
-        panels_picture([msgspec.structs.replace(one, parts_ms=given) for one in rows], "png")
-        for given in (parts, parts, {**parts, "drawing": 20.0})
+        panels_picture(rows, [{**one, "part": part, "ms": ms} for one in rows for part, ms in parts.items()], "png")
+        for parts in [{"first pass": 3.0, "drawing": drawing} for drawing in (40.0, 40.0, 20.0)]
     ]
     assert pictures[0] == pictures[1] != pictures[2]
 

@@ -24,23 +24,36 @@ Scheel, Löffler, Lehmann, Schumann, Staadt, *Dynamic Level of Detail for Tiled 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
+from limen.data.terrain.file import Terrain
 from limen.display.display import Display
+from limen.frame.renderer import Renderer
 from limen.geometry import Floats, as_vec3
+from limen.gpu.device import Device
+from limen.layers.terrain.layer import TerrainLayer
+from limen.layers.terrain.selector import TerrainSettings
+from limen.study.bench.table import Row, Say
+from limen.study.bench.terrain_frames import measure_frames
 from limen.viewing.panel_demands import OUTSIDE, PanelDemands, Rule, panel_demands
 from limen.viewing.policy import Policy
+from limen.viewing.standing import standing_viewer
 from limen.viewing.viewer import Viewer
 
-__all__ = ["PAPER", "PaperRow", "Table2Row", "at_wall_centre", "on_column_centre", "table2_rows"]
+__all__ = ["PAPER", "TABLE2", "PaperRow", "at_wall_centre", "on_column_centre", "table2", "table2_rows"]
 
+TABLE2 = {
+    "distance_m": "g", "min_error_px": ".2f", "paper_min_error_px": ".2f", "max_error_px": ".2f",
+    "paper_max_error_px": ".2f", "active_panels": "", "active_panels_exact": "", "triangles": ",", "frame_ms": ",.1f",
+    "frame_cpu_ms": ",.1f", "frames_per_s": ".1f", "paper_frames_per_s": ".1f", "frames": "",
+}  # fmt: skip
 _NEAR_M = 0.3
 """Nearer than this, the user on the column's centre line looks into a panel rather than at its edge."""
 
 
-class PaperRow(msgspec.Struct, frozen=True):
+class PaperRow(NamedTuple):
     """What the paper prints of one distance."""
 
     distance_m: float
@@ -60,20 +73,26 @@ PAPER = (
 )
 
 
-class Table2Row(msgspec.Struct, frozen=True, kw_only=True):
-    """One distance, beside the paper's row."""
+def table2(device: Device, terrain: Terrain, frames: int, say: Say, display: Display | None = None) -> list[Row]:
+    """The paper's second table on its own wall, with how long limen takes to draw all its active panels.
 
-    distance_m: float
-    min_error_px: float
-    max_error_px: float
-    active_panels: int
-    active_panels_exact: int
-    paper_min_error_px: float
-    paper_max_error_px: float | None
-    paper_frames_per_s: float
+    As in the paper one fixed camera sees the whole wall, and the user before the wall's centre decides about detail.
+    """
+    wall = display or Display.preset("rostock")
+    camera_m = standing_viewer(wall).position_m
+    layer = TerrainLayer(
+        terrain, settings=TerrainSettings(rule="middle"), policy=Policy("scheel"), reference_m=camera_m
+    )
+    rows = []
+    with Renderer(device, wall, [layer], eye_m=camera_m) as renderer:
+        for row in table2_rows(wall):
+            say(f"{len(wall.panels)} panels, {row['distance_m']:g} m")
+            found = measure_frames(device, renderer, at_wall_centre(wall, row["distance_m"]), frames)
+            rows.append({**row, **found, "frames_per_s": 1e3 / found["frame_ms"]})
+    return rows
 
 
-def table2_rows(display: Display, paper: Sequence[PaperRow] = PAPER) -> list[Table2Row]:
+def table2_rows(display: Display, paper: Sequence[PaperRow] = PAPER) -> list[Row]:
     """The table for a wall of panels in rows and columns, an even number of each, by the policy ``scheel``.
 
     Parameters
@@ -85,21 +104,16 @@ def table2_rows(display: Display, paper: Sequence[PaperRow] = PAPER) -> list[Tab
     return [_row(display, row) for row in paper]
 
 
-def _row(display: Display, paper: PaperRow) -> Table2Row:
+def _row(display: Display, paper: PaperRow) -> Row:
     aside, ahead = on_column_centre(display, paper.distance_m), at_wall_centre(display, paper.distance_m)
     errors = _demands(display, aside, "middle")
     active = errors.allowed_px[errors.seen > OUTSIDE]
     counts = [int((_demands(display, ahead, rule).seen > OUTSIDE).sum()) for rule in ("middle", "exact")]
-    return Table2Row(
-        distance_m=paper.distance_m,
-        min_error_px=float(active.min()),
-        max_error_px=float(active.max()),
-        active_panels=counts[0],
-        active_panels_exact=counts[1],
-        paper_min_error_px=paper.min_error_px,
-        paper_max_error_px=paper.max_error_px,
-        paper_frames_per_s=paper.frames_per_s,
-    )
+    return {
+        "distance_m": paper.distance_m, "min_error_px": float(active.min()), "max_error_px": float(active.max()),
+        "active_panels": counts[0], "active_panels_exact": counts[1], "paper_min_error_px": paper.min_error_px,
+        "paper_max_error_px": paper.max_error_px, "paper_frames_per_s": paper.frames_per_s,
+    }  # fmt: skip
 
 
 def _demands(display: Display, viewer: Viewer, rule: Rule) -> PanelDemands:

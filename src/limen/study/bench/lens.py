@@ -13,11 +13,9 @@ from __future__ import annotations
 
 import math
 import statistics
-import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import ClassVar, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from limen.data.pages import PAGE, Pyramid
@@ -31,6 +29,8 @@ from limen.layers.image.draw.lens_mesh import Triangles
 from limen.layers.image.layer import ImageLayer
 from limen.layers.image.lens_cells import lens_cells
 from limen.layers.image.select import ImageOnDisplay
+from limen.study.bench.table import Row, Say, Table
+from limen.study.bench.timing import timed, turns
 from limen.study.blank_source import Blank
 from limen.study.frames import frame_of
 from limen.viewing.lens import Lens, shown_at
@@ -41,9 +41,7 @@ from limen.viewing.tessellation import Tessellation
 from limen.viewing.viewer import Viewer
 from limen.vision.acuity import SNELLEN_ARCMIN, optimal_distance_m
 
-__all__ = ["LENSES", "DrawnLenses", "LensPicture", "LensRow", "aims", "bench_lens", "drawn_lenses", "measured", "wall"]
-
-Say = Callable[[str], None]
+__all__ = ["LENSES", "DrawnLenses", "LensPicture", "aims", "bench_lens", "drawn_lenses", "measured", "wall"]
 
 _IMAGE_PX = (19_000, 9_500)
 _PITCH_M = 0.00025
@@ -63,33 +61,12 @@ _SAMPLES = 60_000
 _MOST_SEGMENTS = 512
 
 
-class LensRow(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One way of drawing lenses."""
-
-    lenses: int
-    distance_m: float
-    mode: str
-    triangles: int
-    """Only what lenses reach is drawn in triangles, in all modes."""
-    max_error_px: float
-    mean_error_px: float
-    frame_ms: float
-    """Median of drawing and reading the wall back."""
-    segments: int | None = None
-    """Of ``uniform``."""
-    like: str = ""
-    """The mode whose largest error this row was to stay below."""
-
-    columns: ClassVar[tuple[str, ...]] = (
-        "lenses", "distance m", "mode", "triangles", "max error px", "mean error px", "frame ms",
-    )  # fmt: skip
-
-    def cells(self) -> tuple[str, ...]:
-        mode = self.mode if self.segments is None else f"{self.mode} {self.segments}"
-        return (
-            str(self.lenses), f"{self.distance_m:.2f}", f"{mode}, as {self.like}" if self.like else mode,
-            f"{self.triangles:,}", f"{self.max_error_px:.2f}", f"{self.mean_error_px:.3f}", f"{self.frame_ms:,.0f}",
-        )  # fmt: skip
+_COLUMNS = {
+    "lenses": "", "distance_m": ".2f", "mode": "", "segments": "", "like": "", "triangles": ",", "max_error_px": ".2f",
+    "mean_error_px": ".3f", "frame_ms": ",.0f",
+}  # fmt: skip
+"""Triangles are only those of what lenses reach, in all modes; ``segments`` those along a side, of ``uniform``;
+``like``: the mode whose largest error the row was to stay below; times are of drawing and reading the wall back."""
 
 
 class DrawnLenses(NamedTuple):
@@ -169,11 +146,11 @@ def measured(drawn: DrawnLenses, samples: int = _SAMPLES) -> LensPicture:
     return LensPicture(len(panel), worst, mean, float((areas[0] / areas[1]).min()), area_px)
 
 
-def bench_lens(quick: bool, say: Say) -> list[LensRow]:
-    """Rows of ``limen bench lens``."""
+def bench_lens(quick: bool, say: Say) -> list[Table]:
+    """The table of ``limen bench lens``."""
     display = wall()
     nearest = optimal_distance_m(_PITCH_M, SNELLEN_ARCMIN)
-    rows: list[LensRow] = []
+    rows: list[Row] = []
     with open_device() as device:
         say(f"two by two panels of 1280 x 720 and {_PITCH_M * 1e3:g} mm, on {device.adapter_name}")
         with Renderer(device, display, [ImageLayer(Blank(Pyramid.of(_IMAGE_PX)))]) as renderer:  # type: ignore[arg-type]
@@ -181,12 +158,10 @@ def bench_lens(quick: bool, say: Say) -> list[LensRow]:
                 for distance_m in (nearest,) if quick else (nearest, 9 * _FEET_M, 20 * _FEET_M):
                     say(f"{count} lenses at {distance_m:.2f} m" if count > 1 else f"one lens at {distance_m:.2f} m")
                     rows += _rows(renderer, lenses, distance_m, 3 if quick else 5)
-    for text in (*aims(rows), _everywhere(display, rows)):
-        say(text)
-    return rows
+    return [Table(_COLUMNS, rows, [*aims(rows), _everywhere(display, rows)])]
 
 
-def _rows(renderer: Renderer, lenses: tuple[Lens, ...], distance_m: float, frames: int) -> Iterator[LensRow]:
+def _rows(renderer: Renderer, lenses: tuple[Lens, ...], distance_m: float, frames: int) -> Iterator[Row]:
     low, high = renderer.display.bounds_m
     across, up, _ = (low + high) / 2
     viewers, policy = [Viewer((float(across), float(up), distance_m))], Policy("acuity", SNELLEN_ARCMIN)
@@ -196,12 +171,10 @@ def _rows(renderer: Renderer, lenses: tuple[Lens, ...], distance_m: float, frame
         return frame_of(renderer, [] if way.nobody else viewers, policy=policy, placement=placement)
 
     def draw(way: _Way) -> float:
-        """Draw a frame and read it back; how long that took, in ms."""
-        begin = time.perf_counter()
-        reports = {id(report): report for _, _, report in renderer.pictures(frame(way))}
-        spent_ms = (time.perf_counter() - begin) * 1e3
+        """Draw a frame and read it back; how long that took, in ms, without choosing and waiting for pages."""
+        reports, spent = timed(lambda: {id(report): report for _, _, report in renderer.pictures(frame(way))})
         rows = [row for report in reports.values() for row in report.layers]
-        return spent_ms - sum(row.select_ms + row.stream_ms for row in rows)
+        return spent.clock_ms - sum(row.select_ms + row.stream_ms for row in rows)
 
     def of(way: _Way) -> LensPicture:
         draw(way)
@@ -222,49 +195,48 @@ def _rows(renderer: Renderer, lenses: tuple[Lens, ...], distance_m: float, frame
     less = _Way("error", Tessellation("error", error_px=acuity.max_error_px), nobody=True, like="acuity")
     found[less] = of(less)
     times: dict[_Way, list[float]] = {way: [] for way in found}
-    for _ in range(frames):
-        for way, taken in times.items():
-            draw(way)  # another tessellation compiles its shaders first
-            taken.append(draw(way))
+    for _, way in turns(list(found), frames):
+        draw(way)  # another tessellation compiles its shaders first
+        times[way].append(draw(way))
     for way, drawn in found.items():
-        exact = way.mode == "exact"
-        yield LensRow(
-            lenses=len(lenses), distance_m=distance_m, mode=way.mode, triangles=0 if exact else drawn.triangles,
-            max_error_px=0.0 if exact else drawn.max_error_px, mean_error_px=0.0 if exact else drawn.mean_error_px,
-            frame_ms=statistics.median(times[way]), like=way.like,
-            segments=way.tessellation.segments if way.mode == "uniform" else None,
-        )  # fmt: skip
+        seen = drawn if way.mode != "exact" else drawn._replace(triangles=0, max_error_px=0.0, mean_error_px=0.0)
+        yield {
+            "lenses": len(lenses), "distance_m": distance_m, "mode": way.mode,
+            "segments": way.tessellation.segments if way.mode == "uniform" else None, "like": way.like,
+            "triangles": seen.triangles, "max_error_px": seen.max_error_px, "mean_error_px": seen.mean_error_px,
+            "frame_ms": statistics.median(times[way]),
+        }  # fmt: skip
 
 
-def aims(rows: Sequence[LensRow]) -> list[str]:
+def aims(rows: Sequence[Row]) -> list[str]:
     """What was aimed at, beside what these rows say of it."""
     found = []
     for (lenses, distance_m), here in _by_place(rows).items():
         uniform, error, acuity = here["uniform", "acuity"], here["error", "acuity"], here["acuity", ""]
         found.append(
-            f"{lenses} at {distance_m:.2f} m: error {here['error', ''].max_error_px:.2f} px; where nothing is worse "
-            f"than acuity's {acuity.max_error_px:.2f} px, triangles of error / acuity "
-            f"{error.triangles / acuity.triangles:.2f} (aim: below 0.50), error / uniform "
-            f"{error.triangles / uniform.triangles:.3f} (aim: below 0.125), frame of uniform / acuity "
-            f"{uniform.frame_ms / acuity.frame_ms:.2f} (aim: 3.75)"
+            f"{lenses} at {distance_m:.2f} m: error {here['error', '']['max_error_px']:.2f} px; where nothing is worse "
+            f"than acuity's {acuity['max_error_px']:.2f} px, triangles of error / acuity "
+            f"{error['triangles'] / acuity['triangles']:.2f} (aim: below 0.50), error / uniform "
+            f"{error['triangles'] / uniform['triangles']:.3f} (aim: below 0.125), frame of uniform / acuity "
+            f"{uniform['frame_ms'] / acuity['frame_ms']:.2f} (aim: 3.75)"
         )
     return found
 
 
-def _everywhere(display: Display, rows: Sequence[LensRow]) -> str:
+def _everywhere(display: Display, rows: Sequence[Row]) -> str:
     """What the paper's PRE cuts, which does not know where lenses are."""
     maps = OnSurface("cover").panel_maps(display, _IMAGE_PX)
     everywhere = Lens((_IMAGE_PX[0] / 2, _IMAGE_PX[1] / 2), float(_IMAGE_PX[0]), 2.0)
     cells = len(lens_cells(display, maps, [everywhere]).panel)
     counts = [
-        f"{here['error', 'acuity'].triangles / (2 * cells * (here['uniform', 'acuity'].segments or 1) ** 2):.3f}"
+        f"{here['error', 'acuity']['triangles'] / (2 * cells * here['uniform', 'acuity']['segments'] ** 2):.3f}"
         for here in _by_place(rows).values()
     ]
     return f"if uniform cut all of the wall, as the paper's PRE does, error / uniform: {', '.join(counts)}"
 
 
-def _by_place(rows: Sequence[LensRow]) -> dict[tuple[int, float], dict[tuple[str, str], LensRow]]:
-    places: dict[tuple[int, float], dict[tuple[str, str], LensRow]] = {}
+def _by_place(rows: Sequence[Row]) -> dict[tuple[int, float], dict[tuple[str, str], Row]]:
+    places: dict[tuple[int, float], dict[tuple[str, str], Row]] = {}
     for row in rows:
-        places.setdefault((row.lenses, row.distance_m), {})[row.mode, row.like] = row
+        places.setdefault((row["lenses"], row["distance_m"]), {})[row["mode"], row["like"]] = row
     return places

@@ -18,13 +18,9 @@ import numpy as np
 
 from limen.errors import InputError
 from limen.geometry import Floats
-from limen.study.peers import INSTALL, missing_of
 from limen.study.triangulations import Posts, Triangles, residuals_m, true_error_m
 
-__all__ = ["INSTALL", "MADE_BY", "PEERS", "Made", "grid_triangles", "missing_package"]
-
-MADE_BY = {"delatin": "pydelatin", "martini": "pymartini", "vtk": "pyvista"}
-"""The packages that peers need."""
+__all__ = ["PEERS", "Made", "grid_triangles"]
 
 _CHUNKS = (16, 32, 64, 128)
 """Posts from border to border of a chunk: what serves the grid best is taken."""
@@ -37,11 +33,6 @@ class Made(NamedTuple):
     triangles: int
     true_error_m: float
     build_s: float
-
-
-def missing_package(peer: str) -> str | None:
-    """The package that a peer needs and that is not installed."""
-    return missing_of(MADE_BY, peer)
 
 
 def delatin(posts: Posts) -> Callable[[float], Made]:
