@@ -6,13 +6,24 @@ import importlib
 import importlib.util
 import json
 import re
+import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
+import zarr
 
 from limen.cli.app import main
+from limen.data.image import contrast_file
+from limen.data.mesh.store import ingest_mesh
+from limen.data.points.ingest import ingest_points
+from limen.data.points.nodes import NODE, TOP
+from limen.data.samples.mesh import sample_mesh
+from limen.data.samples.points import sample_points
+from limen.data.terrain.ingest import ingest_terrain
+from support.ground import write_dem
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "docs/reference"
@@ -53,6 +64,12 @@ def printed(kind: Any, path: str = "") -> set[str]:
     return {path}
 
 
+def type_at(place: str) -> Any:
+    """The type at ``module:name``."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
 def rows_of(page: str, heading: str) -> dict[str, list[str]]:
     """The rows of all tables under a heading of a page of the reference, by their first cell."""
     text = (REFERENCE / page).read_text(encoding="utf-8")
@@ -77,8 +94,7 @@ PRINTED: dict[str, str] = {
 
 @pytest.mark.parametrize("verb", PRINTED)
 def test_json_is_told_field_by_field(verb: str) -> None:
-    module, _, name = PRINTED[verb].partition(":")
-    assert set(rows_of("json.md", verb)) == printed(getattr(importlib.import_module(module), name))
+    assert set(rows_of("json.md", verb)) == printed(type_at(PRINTED[verb]))
 
 
 def test_json_of_show_is_told_field_by_field() -> None:
@@ -92,3 +108,98 @@ def test_json_of_a_walk_is_told_field_by_field(tmp_path: Path, capsys: pytest.Ca
     with pytest.raises(SystemExit, match="0"):
         main(["walk", "--display", "desktop", "--seconds", "1", "--json", str(tmp_path / "walk.csv")])
     assert set(rows_of("json.md", "walk")) == set(json.loads(capsys.readouterr().out))
+
+
+# ---------------------------------------------------------------- files
+
+WRITTEN: dict[str, tuple[str, ...]] = {
+    "A display": ("limen.display.entries:DisplayFile",),
+    "A grid": ("limen.display.grid:Grid",),
+    "A panel": ("limen.display.entries:PanelEntry",),
+    "A mesh of panels": ("limen.display.entries:MeshEntry",),
+    "An adjustment": ("limen.display.entries:Adjustment",),
+    "A quilt": ("limen.display.entries:QuiltEntry",),
+    "A panel in a quilt": ("limen.display.entries:QuiltPanel",),
+    "A show": ("limen.show.entries:ShowFile",),
+    "A layer": tuple(f"limen.show.entries:{kind}Entry" for kind in ("Image", "Model", "Points", "Terrain")),
+    "Placement of an image": ("limen.show.entries:SurfaceEntry",),
+    "A lens": ("limen.show.entries:LensEntry",),
+    "Placement of a mesh or of points": ("limen.show.entries:RoomEntry",),
+    "Placement of a terrain": ("limen.show.entries:CameraEntry",),
+    "Style of a mesh": ("limen.show.entries:MeshStyle",),
+    "Style of points": ("limen.show.entries:PointsStyle",),
+    "Style of a terrain": ("limen.show.entries:TerrainStyle",),
+    "Camera files": ("limen.calibrate.camera:_CameraFile",),
+}
+"""Tables of files that people write, and what reads them."""
+
+_TOLD_APART = ("placement", "style")
+"""Fields that have tables of their own."""
+
+
+def default_of(field: msgspec.inspect.Field) -> object:
+    """As it is written in TOML."""
+    made = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+    if made is msgspec.NODEFAULT:
+        return "required"
+    return "none" if made is None else msgspec.json.decode(msgspec.json.encode(made))
+
+
+@pytest.mark.parametrize("heading", WRITTEN)
+def test_files_are_told_field_by_field_with_their_defaults(heading: str) -> None:
+    fields: dict[str, object] = {}
+    for place in WRITTEN[heading]:
+        told = msgspec.inspect.type_info(type_at(place))
+        assert isinstance(told, msgspec.inspect.StructType)
+        fields |= {each.encode_name: default_of(each) for each in told.fields}
+    fields |= {name: {} for name in _TOLD_APART if name in fields}
+    rows = rows_of("files.md", heading)
+    assert set(rows) == set(fields)
+    for name, default in fields.items():
+        cell = rows[name][2]
+        written = cell if cell in ("required", "none") else tomllib.loads(f"x = {cell.strip('`')}")["x"]
+        assert written == default, f"{heading}, {name}"
+
+
+FOLDERS: dict[str, tuple[str, str]] = {
+    "NAME.terrain": ("limen.data.terrain.store:Header", "hills.terrain"),
+    "NAME.points": ("limen.data.points.store:PointsHeader", "hall.points"),
+    "NAME.mesh": ("limen.data.mesh.store:MeshHeader", "knot.mesh"),
+}
+
+
+@pytest.fixture(scope="module")
+def made_ready(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with one of each."""
+    folder = tmp_path_factory.mktemp("made")
+    ingest_terrain(write_dem(folder / "hills.tif"), folder / "hills.terrain")
+    sample_points(folder / "hall.ply", 6000)
+    ingest_points(folder / "hall.ply", folder / "hall.points")
+    sample_mesh(folder / "knot.glb", 800)
+    ingest_mesh(folder / "knot.glb", folder / "knot.mesh")
+    return folder
+
+
+@pytest.mark.parametrize("heading", FOLDERS)
+def test_folders_are_told_array_by_array(heading: str, made_ready: Path) -> None:
+    place, name = FOLDERS[heading]
+    told = {each for cell in rows_of("files.md", heading) for each in cell.replace("`", "").split(", ")}
+    with warnings.catch_warnings(action="ignore"):  # files.json is no array, which Zarr remarks
+        members = zarr.open_group(made_ready / name, mode="r").members(max_depth=None)
+    arrays = {re.sub(r"/\d+$", "/L", path) for path, each in members if isinstance(each, zarr.Array)}
+    parts = {*NODE.names, *TOP.names} if heading == "NAME.points" else set()
+    known = arrays | parts | set(type_at(place).__struct_fields__)
+    assert known <= told
+    assert told - known <= {"posts/void", "mesh/textures", "mesh/welds"}  # that not every one has
+
+
+@pytest.mark.parametrize(("table", "dtype"), [("of a node in a chunk", NODE), ("of a top", TOP)])
+def test_nodes_of_points_are_told_byte_by_byte(table: str, dtype: Any) -> None:
+    text = (REFERENCE / "files.md").read_text(encoding="utf-8").split(f"| {table} |")[1].split("\n\n")[0]
+    ends = {name: (begin, begin + kind.itemsize - 1) for name, (kind, begin) in dtype.fields.items()}
+    bytes_of = {name: f"{first}-{last}" if last > first else f"{first}" for name, (first, last) in ends.items()}
+    assert dict(re.findall(r"^\| `(\w+)` \| ([\d-]+) \|", text, flags=re.MULTILINE)) == bytes_of
+
+
+def test_the_first_line_of_contrasts_is_told() -> None:
+    assert set(rows_of("files.md", "NAME.contrast")) == set(contrast_file._Header.__struct_fields__)
