@@ -23,6 +23,7 @@ from limen.data.points.nodes import NODE, TOP
 from limen.data.samples.mesh import sample_mesh
 from limen.data.samples.points import sample_points
 from limen.data.terrain.ingest import ingest_terrain
+from limen.study.bench.registry import BENCHMARKS
 from support.ground import write_dem
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -89,12 +90,79 @@ PRINTED: dict[str, str] = {
     "calibrate boards": "limen.cli.calibrate:BoardsReport",
     "calibrate solve": "limen.cli.calibrate:CalibrateReport",
     "calibrate rehearse": "limen.calibrate.rehearse:Rehearsal",
+    "info of an image": "limen.data.image.file:ImageInfo",
+    "info of a terrain": "limen.data.terrain.info:TerrainInfo",
+    "info of points": "limen.data.points.info:PointsInfo",
+    "info of a mesh": "limen.data.mesh.mesh:MeshInfo",
+    "traffic of an image, or one-to-one": "limen.study.traffic:Traffic",
+    "traffic of a terrain": "limen.study.terrain_traffic:TerrainTraffic",
+    "traffic of a mesh or points": "limen.study.scene_traffic:SceneTraffic",
+    "verify": "limen.cli.verify:VerifyReport",
 }
+"""What verbs print, by the headings of the page."""
+
+COLUMNS: dict[str, str] = {
+    "bench image, kernels, points, mesh": "limen.study.bench.table:FIGURES",
+    "bench panels": "limen.study.bench.panels:_COLUMNS",
+    "bench lens": "limen.study.bench.lens:_COLUMNS",
+    "bench terrain": "limen.study.bench.terrain:_COLUMNS",
+    "bench layers": "limen.study.bench.layers:_COLUMNS",
+}
+"""Rows of benchmarks."""
 
 
 @pytest.mark.parametrize("verb", PRINTED)
 def test_json_is_told_field_by_field(verb: str) -> None:
     assert set(rows_of("json.md", verb)) == printed(type_at(PRINTED[verb]))
+
+
+@pytest.mark.parametrize("bench", COLUMNS)
+def test_rows_of_benchmarks_are_told(bench: str) -> None:
+    assert set(rows_of("json.md", bench)) == set(type_at(COLUMNS[bench]))
+
+
+def test_every_benchmark_is_told() -> None:
+    named = {name for heading in COLUMNS for name in heading.removeprefix("bench ").split(", ")}
+    assert named == set(BENCHMARKS)
+
+
+def test_json_of_demo_is_told_with_the_traffic_of_an_image() -> None:
+    traffic = printed(type_at(PRINTED["traffic of an image, or one-to-one"]))
+    told = set(rows_of("json.md", "demo"))
+    assert printed(type_at("limen.cli.demo:DemoReport")) == (told - {"traffic", "traffic_one_to_one"}) | {
+        f"{name}.{field}" for name in ("traffic", "traffic_one_to_one") for field in traffic
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "made", "ready"),
+    [
+        ("image", "image.tif --size 600 --aspect 2", "other.tif"),
+        ("terrain", "hills.tif --size 300", "hills.terrain"),
+        ("points", "hall.las --size 5000", "hall.points"),
+        ("mesh", "knot.ply --size 800", "knot.mesh"),
+    ],
+)
+def test_json_of_sample_and_ingest_is_told(
+    kind: str,
+    made: str,
+    ready: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    first = ("kind", "path", "size", "bytes", "seconds", "peak_rss_mib", "notes")
+    for verb, words in (("sample", ["sample", kind, *made.split()]), ("ingest", ["ingest", made.split()[0], ready])):
+        with pytest.raises(SystemExit, match="0"):
+            main([*words, "--json"])
+        rows = rows_of("json.md", verb)
+        others = {
+            row for row, (_, meaning) in rows.items() if " of " in f" {meaning} " and kind in meaning.split(":")[0]
+        }
+        always = {*first, "seed"} if verb == "sample" else {*first}
+        assert tuple(rows)[: len(first)] == first
+        assert set(json.loads(capsys.readouterr().out)) == always | (others - {*first})
 
 
 def test_json_of_show_is_told_field_by_field() -> None:
