@@ -45,3 +45,16 @@ def test_relative_links_point_at_files(page: Path) -> None:
     text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
     targets = [link.partition("#")[0] for link in LINK.findall(text) if not re.match(r"[a-z]+:|#", link)]
     assert not [target for target in targets if not (page.parent / target).exists()]
+
+
+def test_the_first_page_leads_to_all_others() -> None:
+    """All but single decisions, which have a list of their own."""
+    folder = ROOT / "docs"
+    linked = {
+        (folder / link).resolve() for link in LINK.findall((folder / "index.md").read_text()) if link.endswith(".md")
+    }
+    pages = {page for page in folder.rglob("*.md") if page.parent.name != "decisions"} - {folder / "index.md"}
+    assert pages <= linked
+    decisions = folder / "explain/decisions"
+    listed = {(decisions / link).resolve() for link in LINK.findall((decisions / "index.md").read_text())}
+    assert set(decisions.glob("*.md")) - {decisions / "index.md"} == listed
